@@ -1,0 +1,117 @@
+"""Duoglide: from a published parallel robot to a running machine.
+
+Names load when they are first used, so that ``import duoglide`` stays quick.
+
+[Shen2021]: H. Shen, Y. Zhao, J. Li, G. Wu, D. Chablat, A Novel Partially-decoupled Translational
+Parallel Manipulator with Symbolic Kinematics, Singularity Identification and Workspace
+Determination.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from duoglide.control.report import RunReport as RunReport
+    from duoglide.control.robot import Robot as Robot
+    from duoglide.errors import BusError as BusError
+    from duoglide.errors import ConfigError as ConfigError
+    from duoglide.errors import DriveError as DriveError
+    from duoglide.errors import DriveFault as DriveFault
+    from duoglide.errors import DriveTimeout as DriveTimeout
+    from duoglide.errors import DuoglideError as DuoglideError
+    from duoglide.errors import FollowingError as FollowingError
+    from duoglide.errors import InputError as InputError
+    from duoglide.errors import LimitError as LimitError
+    from duoglide.errors import LogError as LogError
+    from duoglide.errors import NotHomedError as NotHomedError
+    from duoglide.errors import PathError as PathError
+    from duoglide.errors import SingularityError as SingularityError
+    from duoglide.errors import UnreachableError as UnreachableError
+    from duoglide.kinematics.export import to_mjcf as to_mjcf
+    from duoglide.kinematics.model import forward as forward
+    from duoglide.kinematics.model import inverse as inverse
+    from duoglide.kinematics.model import jacobian as jacobian
+    from duoglide.kinematics.model import reachable as reachable
+    from duoglide.kinematics.modes import AssemblyMode as AssemblyMode
+    from duoglide.kinematics.modes import WorkingMode as WorkingMode
+    from duoglide.kinematics.singularity import Margins as Margins
+    from duoglide.kinematics.singularity import clearance as clearance
+    from duoglide.kinematics.singularity import margins as margins
+    from duoglide.kinematics.solutions import ForwardSolution as ForwardSolution
+    from duoglide.kinematics.solutions import InverseSolution as InverseSolution
+    from duoglide.kinematics.solutions import forward_all as forward_all
+    from duoglide.kinematics.solutions import inverse_all as inverse_all
+    from duoglide.machine import Box as Box
+    from duoglide.machine import CarriageLimits as CarriageLimits
+    from duoglide.machine import DriveSettings as DriveSettings
+    from duoglide.machine import Geometry as Geometry
+    from duoglide.machine import Machine as Machine
+    from duoglide.motion.checked import CheckedPath as CheckedPath
+    from duoglide.motion.path import Path as Path
+    from duoglide.motion.trajectory import State as State
+    from duoglide.motion.trajectory import Trajectory as Trajectory
+    from duoglide.planning.check import check_path as check_path
+    from duoglide.planning.pick_and_place import pick_and_place as pick_and_place
+    from duoglide.planning.plan import plan as plan
+    from duoglide.planning.transfer import transfer as transfer
+    from duoglide.replay import replay as replay
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "control.report": ("RunReport",),
+    "control.robot": ("Robot",),
+    "errors": (
+        "BusError",
+        "ConfigError",
+        "DriveError",
+        "DriveFault",
+        "DriveTimeout",
+        "DuoglideError",
+        "FollowingError",
+        "InputError",
+        "LimitError",
+        "LogError",
+        "NotHomedError",
+        "PathError",
+        "SingularityError",
+        "UnreachableError",
+    ),
+    "kinematics.export": ("to_mjcf",),
+    "kinematics.model": ("forward", "inverse", "jacobian", "reachable"),
+    "kinematics.modes": ("AssemblyMode", "WorkingMode"),
+    "kinematics.singularity": ("Margins", "clearance", "margins"),
+    "kinematics.solutions": (
+        "ForwardSolution",
+        "InverseSolution",
+        "forward_all",
+        "inverse_all",
+    ),
+    "machine": ("Box", "CarriageLimits", "DriveSettings", "Geometry", "Machine"),
+    "motion.checked": ("CheckedPath",),
+    "motion.path": ("Path",),
+    "motion.trajectory": ("State", "Trajectory"),
+    "planning.check": ("check_path",),
+    "planning.pick_and_place": ("pick_and_place",),
+    "planning.plan": ("plan",),
+    "planning.transfer": ("transfer",),
+    "replay": ("replay",),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = sorted(_HOME_OF)  # noqa: PLE0605  # computed, so that it cannot drift
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME_OF.get(name)
+    if home is None:
+        raise AttributeError(f"module 'duoglide' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"duoglide.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

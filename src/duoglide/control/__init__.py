@@ -1,0 +1,1 @@
+"""The running machine: three axes as one, the cycle, and when and how to stop."""

@@ -1,0 +1,1 @@
+"""The mechanism: modes, inverse and forward solutions, Jacobians, singularities, workspace."""

@@ -1,0 +1,68 @@
+"""The dimensions of the mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from math import hypot
+
+from duoglide.errors import ConfigError
+from duoglide.machine import rules
+
+_ANY_SIGN = ("riser_height", "arm_drop", "strut_drop", "carriage_height", "platform_half_width")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Geometry:
+    """Dimensions of the robot [mm]; Table 1 of [Shen2021]_ by default.
+
+    Attributes:
+        rail_half_length: a, half the length of a rail; the carriages' travel is +-a.
+        rail_half_spacing: b, half the distance between the rails (rail I at x = +b).
+        platform_half_width: d, half the width ST of the platform.
+        carriage_height: l1, height of the joints B over the rail.
+        leg_length: l2, the legs B1C1 and B2C2.
+        coupler_length: l3, the coupler C1C2.
+        riser_height: l4, the riser D1D2.
+        arm_length: l6, the arm D2E2, long side of parallelogram 1.
+        arm_drop: l7, height of the platform over E2.
+        strut_drop: l8, height of the platform over C3.
+        strut_length: l9, the strut B3C3, long side of parallelogram 2.
+
+    Raises:
+        ConfigError: A length is not a finite number, breaks its sign, or the links cannot close.
+    """
+
+    rail_half_length: float = 360.0
+    rail_half_spacing: float = 90.0
+    platform_half_width: float = 45.0
+    carriage_height: float = 70.0
+    leg_length: float = 160.0
+    coupler_length: float = 120.0
+    riser_height: float = 0.0
+    arm_length: float = 180.0
+    arm_drop: float = 0.0
+    strut_drop: float = 0.0
+    strut_length: float = 300.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            rule = rules.number if field.name in _ANY_SIGN else rules.positive
+            object.__setattr__(self, field.name, rule(field.name, getattr(self, field.name)))
+        self._require_closure()
+
+    def _require_closure(self) -> None:
+        """Refuse dimensions for which no pose exists.
+
+        In the xz plane C3 lies on a circle of radius l6 about a point that the legs lift through
+        2 l2, and within l9 of B3.
+        """
+        across = 2.0 * (self.rail_half_spacing - self.platform_half_width)
+        lift = self.riser_height + self.arm_drop - self.strut_drop
+        nearest = hypot(across, max(abs(lift) - self.leg_length, 0.0))
+        farthest = hypot(across, abs(lift) + self.leg_length)
+        gap = max(nearest - self.arm_length, self.arm_length - farthest) - self.strut_length
+        if gap > 0.0:
+            raise ConfigError(
+                f"strut_length = {self.strut_length:g}: must be above {self.strut_length + gap:.6g} mm"
+                " with the other dimensions; no pose of the platform closes the links"
+            )

@@ -1,0 +1,85 @@
+"""What the carriages may do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from duoglide.arrays import FloatArray, read_only
+from duoglide.machine import rules
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CarriageLimits:
+    """Limits of the three carriages, each a scalar or one value per carriage.
+
+    Attributes:
+        velocity: [mm/s], stored as a read-only array of shape (3,).
+        acceleration: [mm/s^2], shape (3,).
+        jerk: [mm/s^3], shape (3,).
+
+    Raises:
+        ConfigError: A value is not finite and above zero.
+    """
+
+    velocity: FloatArray = field(default_factory=lambda: np.full(3, 4000.0))
+    acceleration: FloatArray = field(default_factory=lambda: np.full(3, 60e3))
+    jerk: FloatArray = field(default_factory=lambda: np.full(3, 3e6))
+
+    if TYPE_CHECKING:  # a scalar or a list is as welcome as an array
+
+        def __init__(
+            self,
+            *,
+            velocity: ArrayLike = ...,
+            acceleration: ArrayLike = ...,
+            jerk: ArrayLike = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        for name, unit in (("velocity", "mm/s"), ("acceleration", "mm/s^2"), ("jerk", "mm/s^3")):
+            values = rules.per_carriage(name, getattr(self, name), unit)
+            object.__setattr__(self, name, read_only(np.array(values)))
+
+    def _key(self) -> bytes:
+        return np.concatenate([self.velocity, self.acceleration, self.jerk]).tobytes()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, CarriageLimits) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def scaled(self, factor: float) -> CarriageLimits:
+        """Return these limits times ``factor``, in every derivative."""
+        return CarriageLimits(
+            velocity=self.velocity * factor,
+            acceleration=self.acceleration * factor,
+            jerk=self.jerk * factor,
+        )
+
+
+STOP_RESERVE = 1.5  # in acceleration and jerk
+
+
+class DerivedLimits(CarriageLimits):
+    """Stop limits that follow the machine's limits, because nobody has set them.
+
+    A type of its own, so that ``dataclasses.replace(machine, limits=...)`` takes them along.
+    """
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, limits: CarriageLimits) -> DerivedLimits:
+        """Return ``limits`` with a reserve of acceleration and jerk to stop with."""
+        return cls(
+            velocity=limits.velocity,
+            acceleration=limits.acceleration * STOP_RESERVE,
+            jerk=limits.jerk * STOP_RESERVE,
+        )

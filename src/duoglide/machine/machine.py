@@ -1,0 +1,163 @@
+"""The whole machine, and its TOML file."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from duoglide.errors import ConfigError
+from duoglide.machine import rules
+from duoglide.machine.cell import Box
+from duoglide.machine.drive_settings import DriveSettings
+from duoglide.machine.geometry import Geometry
+from duoglide.machine.limits import CarriageLimits, DerivedLimits
+
+_TABLES = {
+    "geometry": Geometry,
+    "limits": CarriageLimits,
+    "stop_limits": CarriageLimits,
+    "drives": DriveSettings,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine:
+    """A machine: its mechanism, what its carriages may do, its drives and its surroundings.
+
+    Attributes:
+        geometry: Dimensions of the mechanism.
+        limits: What a plan may ask of the carriages.
+        stop_limits: What a stop on the path may ask; at least ``limits`` everywhere. Left out, it
+            follows ``limits``: 1.5 times the acceleration and jerk.
+        drives: The three drives.
+        clearance: Distance to keep from every singular surface and edge of reach [mm].
+        carriage_width: Distance that carriages 1 and 2 keep from each other [mm].
+        home_position: Platform position at which homing by method 37 is done [mm]; None: the
+            deepest point of the workspace.
+        tool_offset: From the platform's centre to the tool's tip [mm].
+        work_frame: Origin of the program's coordinates in the base frame [mm].
+        keep_out: Boxes that the platform's centre stays out of.
+
+    Raises:
+        ConfigError: Names the key, the value and the rule.
+    """
+
+    geometry: Geometry = field(default_factory=Geometry)
+    limits: CarriageLimits = field(default_factory=CarriageLimits)
+    stop_limits: CarriageLimits = field(default_factory=DerivedLimits)
+    drives: DriveSettings = field(default_factory=DriveSettings)
+    clearance: float = 2.0
+    carriage_width: float = 60.0
+    home_position: tuple[float, float, float] | None = None
+    tool_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    work_frame: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    keep_out: tuple[Box, ...] = ()
+
+    def __post_init__(self) -> None:
+        store = object.__setattr__
+        for key, kind in _TABLES.items():
+            value = getattr(self, key)
+            if not isinstance(value, kind):
+                raise ConfigError(f"{key} = {value!r}: must be a {kind.__name__}")
+        store(self, "clearance", rules.not_negative("clearance", self.clearance))
+        store(self, "carriage_width", rules.not_negative("carriage_width", self.carriage_width))
+        for key in ("tool_offset", "work_frame"):
+            store(self, key, rules.triple(key, getattr(self, key)))
+        if self.home_position is not None:
+            store(self, "home_position", rules.triple("home_position", self.home_position))
+        store(self, "keep_out", tuple(self.keep_out))
+        if isinstance(self.stop_limits, DerivedLimits):
+            store(self, "stop_limits", DerivedLimits.of(self.limits))
+        self._require_stop_reserve()
+
+    def _require_stop_reserve(self) -> None:
+        for key in ("velocity", "acceleration", "jerk"):
+            least, value = getattr(self.limits, key), getattr(self.stop_limits, key)
+            if np.any(value < least):
+                raise ConfigError(
+                    f"stop_limits.{key} = {value.tolist()}: must be at least limits.{key}"
+                    f" = {least.tolist()}"
+                )
+
+    @classmethod
+    def default(cls) -> Machine:
+        """Return the machine of Table 1 with the default limits and drives."""
+        return cls()
+
+    @classmethod
+    def load(cls, path: str | Path) -> Machine:
+        """Read a machine from a TOML file; a key left out takes its default.
+
+        Raises:
+            ConfigError: No such file, not TOML, an unknown key, or a broken rule.
+        """
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"cannot read machine file {path}: {error}") from error
+        try:
+            return cls.from_dict(tomllib.loads(text))
+        except tomllib.TOMLDecodeError as error:
+            raise ConfigError(f"{path} is not TOML: {error}") from error
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from error
+
+    @classmethod
+    def from_dict(cls, tables: Mapping[str, Any]) -> Machine:
+        """Build a machine from the tables of its TOML file.
+
+        Raises:
+            ConfigError: An unknown key or a broken rule.
+        """
+        values = dict(tables)
+        for key, kind in _TABLES.items():
+            if key in values:
+                values[key] = rules.build(kind, values[key], key)
+        if "keep_out" in values:
+            boxes = values["keep_out"]
+            if not isinstance(boxes, list):
+                raise ConfigError(f"keep_out = {boxes!r}: must be a list of tables")
+            values["keep_out"] = [
+                rules.build(Box, box, f"keep_out[{i}]") for i, box in enumerate(boxes)
+            ]
+        return rules.build(cls, values, "")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the tables of the TOML file: plain numbers, text, lists and dictionaries."""
+        tables: dict[str, Any] = _plain(self)
+        return tables
+
+    def save(self, path: str | Path) -> None:
+        """Write the machine to a TOML file that ``load`` reads back exactly.
+
+        Raises:
+            ConfigError: The file cannot be written.
+        """
+        import tomli_w
+
+        try:
+            Path(path).write_text(tomli_w.dumps(self.to_dict()), encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(f"cannot write machine file {path}: {error}") from error
+
+
+def _plain(value: Any) -> Any:
+    """Turn a dataclass into what TOML and JSON hold."""
+    if is_dataclass(value):
+        items = ((f.name, getattr(value, f.name)) for f in fields(value))
+        return {name: _plain(item) for name, item in items if not _left_out(item)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _left_out(value: Any) -> bool:
+    """Whether a field says nothing that reading the file would not find by itself."""
+    return value is None or isinstance(value, DerivedLimits)

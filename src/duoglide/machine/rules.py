@@ -1,0 +1,96 @@
+"""Rules for the fields of a machine description, and the errors that name key, value and rule."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+from duoglide.arrays import as_floats, as_number
+from duoglide.errors import ConfigError, InputError
+
+T = TypeVar("T")
+
+
+def number(key: str, value: object, unit: str = "mm") -> float:
+    """Return ``value`` as a finite float, or raise ConfigError."""
+    try:
+        return as_number(value, key)
+    except InputError as error:
+        raise ConfigError(f"{key} = {value!r}: must be one finite number [{unit}]") from error
+
+
+def positive(key: str, value: object, unit: str = "mm") -> float:
+    """Return ``value`` as a finite float above zero, or raise ConfigError."""
+    result = number(key, value, unit)
+    if result <= 0.0:
+        raise ConfigError(f"{key} = {result:g}: must be above 0 [{unit}]")
+    return result
+
+
+def not_negative(key: str, value: object, unit: str = "mm") -> float:
+    """Return ``value`` as a finite float of at least zero, or raise ConfigError."""
+    result = number(key, value, unit)
+    if result < 0.0:
+        raise ConfigError(f"{key} = {result:g}: must be 0 or above [{unit}]")
+    return result
+
+
+def whole(key: str, value: object, low: int, high: int) -> int:
+    """Return ``value`` as an integer within [low, high], or raise ConfigError."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise ConfigError(f"{key} = {value!r}: must be a whole number")
+    if not low <= value <= high:
+        raise ConfigError(f"{key} = {value}: must be from {low} to {high}")
+    return int(value)
+
+
+def triple(key: str, value: object, unit: str = "mm") -> tuple[float, float, float]:
+    """Return three finite floats from three values, or raise ConfigError."""
+    try:
+        array = as_floats(value, key)  # type: ignore[arg-type]  # found out here
+    except InputError as error:
+        raise ConfigError(f"{key} = {value!r}: must be finite numbers [{unit}]") from error
+    if array.shape != (3,):
+        raise ConfigError(f"{key} = {value!r}: must be three numbers [{unit}]")
+    return float(array[0]), float(array[1]), float(array[2])
+
+
+def per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
+    """Return one positive value per carriage, from one number or three, or raise ConfigError."""
+    scalar = not isinstance(value, Sequence | np.ndarray) or np.ndim(value) == 0
+    values = triple(key, [value] * 3 if scalar else value, unit)
+    if min(values) <= 0.0:
+        raise ConfigError(f"{key} = {value!r}: every value must be above 0 [{unit}]")
+    return values
+
+
+def build(kind: type[T], table: object, prefix: str) -> T:
+    """Construct the dataclass ``kind`` from a TOML table.
+
+    Args:
+        kind: A dataclass whose constructor raises ConfigError with ``field = value: rule``.
+        table: What TOML gave for it.
+        prefix: Where the table stands in the file, to put before the field's name.
+
+    Raises:
+        ConfigError: Not a table, a key that is not a field (names the nearest one), or a broken
+            rule.
+    """
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"{prefix} = {table!r}: must be a table")
+    dot = f"{prefix}." if prefix else ""
+    names = [field.name for field in fields(kind)]  # type: ignore[arg-type]  # a dataclass
+    for key in table:
+        if key not in names:
+            near = difflib.get_close_matches(key, names, 1)
+            hint = f"; did you mean {dot}{near[0]}?" if near else f"; known: {', '.join(names)}"
+            raise ConfigError(f"{dot}{key}: no such key{hint}")
+    arguments: dict[str, Any] = dict(table)
+    try:
+        return kind(**arguments)
+    except ConfigError as error:
+        raise ConfigError(f"{dot}{error}") from error

@@ -1,0 +1,1 @@
+"""What flows: paths, checked paths, carriage paths, trajectories."""

@@ -1,0 +1,1 @@
+"""From a path to a trajectory: check, time, and motion made online."""
