@@ -1,0 +1,163 @@
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from duoglide.errors import InputError
+from duoglide.motion.rate import ClockState, PathClock
+from duoglide.motion.stopping import StopBounds
+
+CYCLE = 0.002
+BOUNDS = StopBounds.constant(2.0, slope=20.0, bend=2000.0)
+
+commands = st.lists(
+    st.tuples(
+        st.integers(1, 60),
+        st.sampled_from(["hold", "resume", "override", "stop"]),
+        st.floats(0.0, 1.0),
+    ),
+    max_size=12,
+)
+
+
+def give(clock: PathClock, command: str, value: float) -> None:
+    if command == "override":
+        clock.set_override(value)
+    else:
+        getattr(clock, command)()
+
+
+def test_full_rate_advances_exactly_by_the_cycle() -> None:
+    clock = PathClock(BOUNDS, CYCLE)
+    times = [clock.step(CYCLE)[0] for _ in range(900)]
+    assert times == [k * CYCLE for k in range(1, 901)]
+
+
+def test_two_clocks_with_the_same_commands_agree_to_the_last_bit() -> None:
+    def run() -> list[float]:
+        clock = PathClock(BOUNDS, CYCLE, override=0.3)
+        times = []
+        for k in range(800):
+            if k % 97 == 13:
+                clock.hold()
+            if k % 97 == 51:
+                clock.resume()
+                clock.set_override((k % 10) / 10)
+            times.append(clock.step(CYCLE)[0])
+        return times
+
+    assert run() == run()
+
+
+def test_a_skipped_cycle_is_one_step_of_two_cycles() -> None:
+    clock = PathClock(BOUNDS, CYCLE)
+    clock.step(CYCLE)
+    assert clock.step(2 * CYCLE)[0] == 3 * CYCLE
+
+
+def test_the_end_is_the_duration_exactly_and_stays() -> None:
+    bounds = StopBounds.constant(0.12345, 20.0, 2000.0)
+    clock = PathClock(bounds, CYCLE)
+    last = [clock.step(CYCLE) for _ in range(80)]
+    assert last[-1] == (0.12345, 0.0)
+    assert clock.state is ClockState.FINISHED
+    clock.resume()
+    assert clock.step(CYCLE) == (0.12345, 0.0)
+
+
+def test_hold_comes_to_rest_in_the_certified_time_and_resume_goes_on() -> None:
+    clock = PathClock(BOUNDS, CYCLE)
+    for _ in range(100):
+        clock.step(CYCLE)
+    clock.hold()
+    assert clock.state is ClockState.HOLDING
+    for _ in range(int(BOUNDS.stop_times()[0] / CYCLE) + 2):
+        held, rate = clock.step(CYCLE)
+    assert clock.state is ClockState.HELD
+    assert rate == 0.0
+    assert clock.step(CYCLE) == (held, 0.0)
+    clock.resume()
+    for _ in range(200):
+        _, rate = clock.step(CYCLE)
+    assert (clock.state, rate) == (ClockState.RUNNING, 1.0)
+
+
+def test_a_stop_is_latched() -> None:
+    clock = PathClock(BOUNDS, CYCLE)
+    clock.step(CYCLE)
+    clock.stop()
+    clock.resume()
+    clock.set_override(1.0)
+    for _ in range(200):
+        clock.step(CYCLE)
+    assert clock.state is ClockState.STOPPED
+    assert clock.rate == 0.0
+
+
+def test_a_change_that_the_bounds_do_not_cover_waits_for_the_one_under_way() -> None:
+    slope, bend = np.array([50.0, 1.0]), np.array([5e3, 5e3])
+    bounds = StopBounds(2.0, slope, bend, np.array([1.5, 2.0]))
+    clock = PathClock(bounds, CYCLE, start=0.99, override=0.0)
+    clock.set_override(1.0)
+    while clock.path_time < 1.0001:  # rising at more than the second cell allows to begin with
+        clock.step(CYCLE)
+    clock.stop()
+    rates = [clock.step(CYCLE)[1] for _ in range(1000)]
+    assert max(rates) <= 1.0
+    assert rates[-1] == 0.0
+    assert clock.state is ClockState.STOPPED
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(commands, st.floats(0.5, 60.0), st.floats(20.0, 5e4))
+def test_any_commands_keep_the_rate_and_its_two_derivatives_in_bounds(
+    sequence: list[tuple[int, str, float]], slope: float, bend: float
+) -> None:
+    bounds = StopBounds.constant(50.0, slope, bend)
+    fine = 1e-4
+    clock = PathClock(bounds, fine)
+    path_times, rates = [0.0], [1.0]
+    for steps, command, value in sequence:
+        give(clock, command, value)
+        for _ in range(20 * steps):
+            u, rate = clock.step(fine)
+            path_times.append(u)
+            rates.append(rate)
+    r = np.array(rates)
+    assert r.min() >= 0.0
+    assert r.max() <= 1.0
+    assert np.all(np.diff(path_times) >= 0.0)
+    assert np.all(np.diff(path_times) <= fine * (1 + 1e-9))
+    assert np.abs(np.diff(r)).max(initial=0.0) <= slope * fine * (1 + 1e-6) + 1e-12
+    if r.size > 2:
+        assert np.abs(np.diff(r, 2)).max() <= bend * fine**2 * (1 + 1e-6) + 1e-12
+
+
+def test_bad_arguments_are_named() -> None:
+    with pytest.raises(InputError, match="override"):
+        PathClock(BOUNDS, CYCLE, override=1.5)
+    with pytest.raises(InputError, match="cycle"):
+        PathClock(BOUNDS, 0.0)
+    with pytest.raises(InputError, match="start"):
+        PathClock(BOUNDS, CYCLE, start=3.0)
+    with pytest.raises(InputError, match="override"):
+        PathClock(BOUNDS, CYCLE).set_override(float("nan"))
+
+
+def test_a_step_is_quick() -> None:
+    clock = PathClock(StopBounds.constant(1e6, 20.0, 2000.0), CYCLE)
+    best = np.inf
+    for _ in range(20):
+        clock.hold()
+        begin = time.perf_counter()
+        for _ in range(20):
+            clock.step(CYCLE)
+        best = min(best, (time.perf_counter() - begin) / 20)
+        clock.resume()
+        for _ in range(60):
+            clock.step(CYCLE)
+    assert best < 30e-6
