@@ -1,9 +1,10 @@
 """What the machine is: dimensions, limits and drives, in one frozen value and one TOML file."""
 
 from duoglide.machine.cell import Box
+from duoglide.machine.drive_quirks import Homing, Quirks
 from duoglide.machine.drive_settings import DriveSettings
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits
 from duoglide.machine.machine import Machine
 
-__all__ = ["Box", "CarriageLimits", "DriveSettings", "Geometry", "Machine"]
+__all__ = ["Box", "CarriageLimits", "DriveSettings", "Geometry", "Homing", "Machine", "Quirks"]

@@ -1,13 +1,16 @@
-"""How the three drives are wired and scaled."""
+"""How the three drives are wired, scaled and watched."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
+from duoglide.machine.drive_quirks import Homing, Quirks
 
 BIT_RATES = (125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
+_MOST_MILLISECONDS = 65.535  # 0x1017, 0x1400:5 and 0x6066 are 16-bit milliseconds [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,6 +25,20 @@ class DriveSettings:
         cycle: SYNC period and setpoint period [s].
         quick_stop_deceleration: 0x6085, what a drive brakes with by itself [mm/s^2].
         following_error_window: 0x6065 [mm].
+        following_error_time: 0x6066, how long the window may be left [s].
+        host_id: The host's own node number, in its heartbeat; not one of ``node_ids``.
+        heartbeat_period: How often the host and the drives (0x1017) send a heartbeat [s].
+        heartbeat_timeout: 0x1016 and the host's own watch: silence that means a loss [s].
+        setpoint_timeout: 0x1400:5: how long a drive waits for a setpoint before it gives up [s].
+            It goes on for one cycle and then brakes long before that; see
+            firmware_interface/README.md.
+        missing_frames: Feedback frames in a row that may be lost; one more is a fault.
+        late_cycles: Cycles in a row that the host may miss; one more is a fault.
+        boot_timeout: How long a drive may take to say anything at all [s].
+        sdo_timeout: How long a drive may take to answer one request [s].
+        sdo_retries: How often a request without an answer is sent again.
+        homing: How the position reference is found.
+        quirks: What each drive does in its own way, one table per axis.
 
     Raises:
         ConfigError: Names the key, the value and the rule.
@@ -34,34 +51,88 @@ class DriveSettings:
     cycle: float = 0.002
     quick_stop_deceleration: tuple[float, float, float] = (60e3, 60e3, 60e3)
     following_error_window: float = 5.0
+    following_error_time: float = 0.01
+    host_id: int = 127
+    heartbeat_period: float = 0.05
+    heartbeat_timeout: float = 0.25
+    setpoint_timeout: float = 0.02
+    missing_frames: int = 3
+    late_cycles: int = 5
+    boot_timeout: float = 5.0
+    sdo_timeout: float = 0.5
+    sdo_retries: int = 2
+    homing: Homing = field(default_factory=Homing)
+    quirks: tuple[Quirks, Quirks, Quirks] = field(
+        default_factory=lambda: (Quirks(), Quirks(), Quirks())
+    )
 
     def __post_init__(self) -> None:
-        store = object.__setattr__
-        store(self, "node_ids", _three_whole("node_ids", self.node_ids, 1, 127))
+        self._check_wiring()
+        self._check_scale()
+        self._check_times()
+        self._check_tables()
+
+    def _store(self, **values: Any) -> None:
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+
+    def _check_wiring(self) -> None:
+        self._store(node_ids=rules.three_whole("node_ids", self.node_ids, 1, 127))
         if len(set(self.node_ids)) != len(self.node_ids):
             raise ConfigError(f"node_ids = {list(self.node_ids)}: must all be different")
-        scale = rules.per_carriage("increments_per_mm", self.increments_per_mm, "increments/mm")
-        store(self, "increments_per_mm", scale)
-        store(self, "direction", _three_whole("direction", self.direction, -1, 1))
-        if 0 in self.direction:
-            raise ConfigError(f"direction = {list(self.direction)}: each must be +1 or -1")
+        self._store(host_id=rules.whole("host_id", self.host_id, 1, 127))
+        if self.host_id in self.node_ids:
+            raise ConfigError(f"host_id = {self.host_id}: is the node number of a drive")
         if self.bit_rate not in BIT_RATES:
             allowed = ", ".join(map(str, BIT_RATES))
             raise ConfigError(f"bit_rate = {self.bit_rate!r}: must be one of {allowed} bit/s")
-        store(self, "cycle", rules.positive("cycle", self.cycle, "s"))
-        if not 0.0005 <= self.cycle <= 0.1:
-            raise ConfigError(f"cycle = {self.cycle:g}: must be from 0.0005 to 0.1 [s]")
-        deceleration = rules.per_carriage(
-            "quick_stop_deceleration", self.quick_stop_deceleration, "mm/s^2"
-        )
-        store(self, "quick_stop_deceleration", deceleration)
+
+    def _check_scale(self) -> None:
+        for key, unit in (
+            ("increments_per_mm", "increments/mm"),
+            ("quick_stop_deceleration", "mm/s^2"),
+        ):
+            self._store(**{key: rules.per_carriage(key, getattr(self, key), unit)})
+        self._store(direction=rules.three_whole("direction", self.direction, -1, 1))
+        if 0 in self.direction:
+            raise ConfigError(f"direction = {list(self.direction)}: each must be +1 or -1")
         window = rules.positive("following_error_window", self.following_error_window)
-        store(self, "following_error_window", window)
+        self._store(following_error_window=window)
 
+    def _check_times(self) -> None:
+        for key, low, high in (
+            ("cycle", 0.0005, 0.1),
+            ("following_error_time", 0.0, _MOST_MILLISECONDS),
+            ("heartbeat_period", 0.001, _MOST_MILLISECONDS),
+            ("heartbeat_timeout", 0.001, _MOST_MILLISECONDS),
+            ("setpoint_timeout", 0.001, _MOST_MILLISECONDS),
+            ("boot_timeout", 0.0, 3600.0),
+            ("sdo_timeout", 0.001, 3600.0),
+        ):
+            value = rules.number(key, getattr(self, key), "s")
+            if not low <= value <= high:
+                raise ConfigError(f"{key} = {value:g}: must be from {low:g} to {high:g} [s]")
+            self._store(**{key: value})
+        for key, least in (
+            ("setpoint_timeout", 2.0 * self.cycle),
+            ("heartbeat_timeout", 2.0 * self.heartbeat_period),
+        ):
+            if getattr(self, key) < least:
+                raise ConfigError(
+                    f"{key} = {getattr(self, key):g}: must be at least {least:g} s, or one lost"
+                    " frame would stop the machine"
+                )
+        for key in ("missing_frames", "late_cycles", "sdo_retries"):
+            self._store(**{key: rules.whole(key, getattr(self, key), 0, 1000)})
 
-def _three_whole(key: str, value: object, low: int, high: int) -> tuple[int, int, int]:
-    """Return three whole numbers within [low, high], or raise ConfigError."""
-    if not isinstance(value, list | tuple) or len(value) != 3:
-        raise ConfigError(f"{key} = {value!r}: must be three whole numbers")
-    first, second, third = (rules.whole(f"{key}[{i}]", v, low, high) for i, v in enumerate(value))
-    return first, second, third
+    def _check_tables(self) -> None:
+        if not isinstance(self.homing, Homing):
+            self._store(homing=rules.build(Homing, self.homing, "homing"))
+        quirks = self.quirks
+        if not isinstance(quirks, list | tuple) or len(quirks) != 3:
+            raise ConfigError(f"quirks = {quirks!r}: must be three tables, one per axis")
+        built = (
+            item if isinstance(item, Quirks) else rules.build(Quirks, item, f"quirks[{i}]")
+            for i, item in enumerate(quirks)
+        )
+        self._store(quirks=tuple(built))

@@ -48,6 +48,14 @@ def whole(key: str, value: object, low: int, high: int) -> int:
     return int(value)
 
 
+def three_whole(key: str, value: object, low: int, high: int) -> tuple[int, int, int]:
+    """Return three whole numbers within [low, high], or raise ConfigError."""
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
+        raise ConfigError(f"{key} = {value!r}: must be three whole numbers")
+    first, second, third = (whole(f"{key}[{i}]", v, low, high) for i, v in enumerate(value))
+    return first, second, third
+
+
 def triple(key: str, value: object, unit: str = "mm") -> tuple[float, float, float]:
     """Return three finite floats from three values, or raise ConfigError."""
     try:

@@ -1,0 +1,113 @@
+"""How drives find their reference, and what single drives do in their own way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from duoglide.errors import ConfigError
+from duoglide.machine import rules
+
+# Objects that a drive may lack: what they would say is then checked by the host alone, or lost.
+OPTIONAL_OBJECTS = frozenset(
+    {
+        *(0x1006, 0x1007, 0x1016, 0x1019, 0x1029, 0x2010),
+        *(0x6007, 0x605B, 0x605C, 0x605D, 0x605E, 0x6065, 0x6066, 0x607C, 0x607D, 0x607F),
+        *(0x6085, 0x6099, 0x609A, 0x60C2, 0x60FD, 0x60FE),
+    }
+)
+_METHODS = range(-128, 38)  # 0x6098 is an i8; CiA 402 names 1 to 37, negative ones are vendors'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Homing:
+    """How the position reference is found (CiA 402 homing mode).
+
+    Attributes:
+        method: 0x6098 per axis. 37 takes the place where the machine stands as known; 17, 18
+            search a limit switch, 33, 34 an index pulse; 1 to 14 and negative ones are passed on.
+        switch_position: Where the carriage is when its switch or index pulse is met [mm]; not
+            used by method 37, which is told the place.
+        search_speed: 0x6099:1, towards the switch [mm/s].
+        creep_speed: 0x6099:2, at the switch or index pulse [mm/s].
+        acceleration: 0x609A [mm/s^2].
+        timeout: How long it may take [s].
+    """
+
+    method: tuple[int, int, int] = (37, 37, 37)
+    switch_position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    search_speed: float = 20.0
+    creep_speed: float = 5.0
+    acceleration: float = 500.0
+    timeout: float = 60.0
+
+    def __post_init__(self) -> None:
+        store = object.__setattr__
+        low, high = _METHODS[0], _METHODS[-1]
+        store(self, "method", rules.three_whole("method", self.method, low, high))
+        if 0 in self.method:
+            raise ConfigError(f"method = {list(self.method)}: 0 finds no reference")
+        store(self, "switch_position", rules.triple("switch_position", self.switch_position))
+        for key, unit in (
+            ("search_speed", "mm/s"),
+            ("creep_speed", "mm/s"),
+            ("acceleration", "mm/s^2"),
+            ("timeout", "s"),
+        ):
+            store(self, key, rules.positive(key, getattr(self, key), unit))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quirks:
+    """What one drive does in its own way; the defaults are the drive of firmware_interface/.
+
+    Attributes:
+        vendor_id: 0x1018:1 that the drive must have; 0 accepts any.
+        product_code: 0x1018:2 that the drive must have; 0 accepts any.
+        quick_stop_option: 0x605A: 6 brakes at 0x6085 and holds, 2 brakes and then powers off.
+        home_offset_sign: -1 for a drive that subtracts 0x607C where others add it.
+        setpoint_timer: Whether the drive has 0x1400:5, the time-out of setpoints.
+        absent: Indices of optional objects that the drive does not have; they are not written.
+        writes: Extra objects to write before power: [index, subindex, value, bytes].
+    """
+
+    vendor_id: int = 0
+    product_code: int = 0
+    quick_stop_option: int = 6
+    home_offset_sign: int = 1
+    setpoint_timer: bool = True
+    absent: tuple[int, ...] = ()
+    writes: tuple[tuple[int, int, int, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        for key in ("vendor_id", "product_code"):
+            rules.whole(key, getattr(self, key), 0, 0xFFFFFFFF)
+        rules.whole("quick_stop_option", self.quick_stop_option, -32768, 32767)
+        if self.home_offset_sign not in (-1, 1):
+            raise ConfigError(f"home_offset_sign = {self.home_offset_sign!r}: must be +1 or -1")
+        if not isinstance(self.setpoint_timer, bool):
+            raise ConfigError(f"setpoint_timer = {self.setpoint_timer!r}: must be true or false")
+        self._check_absent()
+        self._check_writes()
+
+    def _check_absent(self) -> None:
+        if not isinstance(self.absent, list | tuple):
+            raise ConfigError(f"absent = {self.absent!r}: must be a list of object indices")
+        for index in self.absent:
+            if index not in OPTIONAL_OBJECTS:
+                known = ", ".join(f"0x{i:04X}" for i in sorted(OPTIONAL_OBJECTS))
+                name = f"0x{index:04X}" if isinstance(index, int) else repr(index)
+                raise ConfigError(f"absent: {name} is not optional; these are: {known}")
+        object.__setattr__(self, "absent", tuple(self.absent))
+
+    def _check_writes(self) -> None:
+        if not isinstance(self.writes, list | tuple):
+            raise ConfigError(f"writes = {self.writes!r}: must be a list")
+        for write in self.writes:
+            if not isinstance(write, list | tuple) or len(write) != 4:
+                raise ConfigError(f"writes: {write!r}: must be [index, subindex, value, bytes]")
+            index, subindex, value, size = write
+            rules.whole("writes: index", index, 0x1000, 0xFFFF)
+            rules.whole("writes: subindex", subindex, 0, 255)
+            size = rules.whole("writes: bytes", size, 1, 4)
+            rules.whole("writes: value", value, -(1 << (8 * size - 1)), (1 << (8 * size)) - 1)
+        object.__setattr__(self, "writes", tuple(tuple(write) for write in self.writes))
