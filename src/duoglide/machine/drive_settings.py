@@ -31,7 +31,7 @@ class DriveSettings:
         heartbeat_timeout: 0x1016 and the host's own watch: silence that means a loss [s].
         setpoint_timeout: 0x1400:5: how long a drive waits for a setpoint before it gives up [s].
             It goes on for one cycle and then brakes long before that; see
-            firmware_interface/README.md.
+            firmware_interface/README.md. Three cycles are granted in any case.
         missing_frames: Feedback frames in a row that may be lost; one more is a fault.
         late_cycles: Cycles in a row that the host may miss; one more is a fault.
         boot_timeout: How long a drive may take to say anything at all [s].
@@ -71,6 +71,11 @@ class DriveSettings:
         self._check_scale()
         self._check_times()
         self._check_tables()
+
+    @property
+    def setpoint_patience(self) -> float:
+        """How long a drive waits for a setpoint, with three cycles granted in any case [s]."""
+        return max(self.setpoint_timeout, 3.0 * self.cycle)
 
     def _store(self, **values: Any) -> None:
         for key, value in values.items():
@@ -113,22 +118,18 @@ class DriveSettings:
             if not low <= value <= high:
                 raise ConfigError(f"{key} = {value:g}: must be from {low:g} to {high:g} [s]")
             self._store(**{key: value})
-        for key, least in (
-            ("setpoint_timeout", 2.0 * self.cycle),
-            ("heartbeat_timeout", 2.0 * self.heartbeat_period),
-        ):
-            if getattr(self, key) < least:
-                raise ConfigError(
-                    f"{key} = {getattr(self, key):g}: must be at least {least:g} s, or one lost"
-                    " frame would stop the machine"
-                )
+        if self.heartbeat_timeout < 2.0 * self.heartbeat_period:
+            raise ConfigError(
+                f"heartbeat_timeout = {self.heartbeat_timeout:g}: must be at least twice"
+                f" heartbeat_period = {self.heartbeat_period:g} s, or one lost frame stops the machine"
+            )
         for key in ("missing_frames", "late_cycles", "sdo_retries"):
             self._store(**{key: rules.whole(key, getattr(self, key), 0, 1000)})
 
     def _check_tables(self) -> None:
         if not isinstance(self.homing, Homing):
             self._store(homing=rules.build(Homing, self.homing, "homing"))
-        quirks = self.quirks
+        quirks: object = self.quirks
         if not isinstance(quirks, list | tuple) or len(quirks) != 3:
             raise ConfigError(f"quirks = {quirks!r}: must be three tables, one per axis")
         built = (
