@@ -34,7 +34,7 @@ from duoglide.storage.writer import FORMAT, METADATA_NAME, ClockAnchor, checksum
 
 _PREFIX = struct.Struct("<BQ")  # opcode, length of the record that follows
 _LARGEST_CHUNK = 16 * 1024 * 1024  # bytes: a corrupted size must not fill the memory
-_BROKEN = (McapError, RuntimeError, ValueError, KeyError, TypeError, struct.error)
+_BROKEN = (McapError, ArithmeticError, RuntimeError, ValueError, KeyError, TypeError, struct.error)
 
 
 class LogWarning(UserWarning):
@@ -261,4 +261,4 @@ def _open_chunk(payload: bytes) -> list[Any]:
         uncompressed_crc=0,
         uncompressed_size=len(data),
     )
-    return list(breakup_chunk(plain))
+    return [*breakup_chunk(plain)]

@@ -15,15 +15,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from mcap.writer import CompressionType, Writer
-
 from duoglide.errors import LogError
+from duoglide.storage.container import ChannelSpec, ContainerWriter
 from duoglide.storage.records import LogKind, Record, Topic
 from duoglide.storage.schemas import schema_name, schema_of
 
 FORMAT = "1"
 METADATA_NAME = "duoglide"
-CHUNK_SIZE = 64 * 1024
 FLUSH_PERIOD = 0.5  # [s]
 JSON_TYPE = "application/json"
 
@@ -110,8 +108,9 @@ class LogWriter:
         return self
 
     def _begin(self, anchor: ClockAnchor) -> None:
-        self._writer = Writer(self._file, chunk_size=CHUNK_SIZE, compression=CompressionType.LZ4)
-        self._writer.start(library=f"duoglide {version('duoglide')}")
+        channels = [ChannelSpec(t.value, schema_name(t), schema_of(t)) for t in Topic]
+        self._container = ContainerWriter(self._file, f"duoglide {version('duoglide')}", channels)
+        self._numbers = {topic: number for number, topic in enumerate(Topic, 1)}
         head = {
             **self._metadata,
             "format": FORMAT,
@@ -121,16 +120,7 @@ class LogWriter:
             "duoglide": version("duoglide"),
             "python": platform.python_version(),
         }
-        self._writer.add_metadata(METADATA_NAME, {**head, "crc32": checksum(head)})
-        self._channels = {
-            topic: self._writer.register_channel(
-                topic.value,
-                "json",
-                self._writer.register_schema(schema_name(topic), "jsonschema", schema_of(topic)),
-            )
-            for topic in Topic
-        }
-        self._sequence = 0
+        self._container.add_metadata(METADATA_NAME, {**head, "crc32": checksum(head)})
         self._publish_now = self._kind is LogKind.RUN
         self._next_flush = time.monotonic() + FLUSH_PERIOD
 
@@ -145,8 +135,7 @@ class LogWriter:
         except (TypeError, ValueError) as error:
             raise LogError(f"document {name} cannot be written as JSON: {error}") from error
         try:
-            now = time.time_ns()
-            self._writer.add_attachment(now, now, str(name), JSON_TYPE, data)
+            self._container.add_attachment(str(name), JSON_TYPE, time.time_ns(), data)
             self._file.flush()
         except OSError as error:
             raise LogError(f"cannot write {self._path}: {error.strerror}") from error
@@ -162,12 +151,8 @@ class LogWriter:
         Raises:
             LogError: The disk is full, or the file cannot be put in place.
         """
-        stamp = self._stamp(t)
-        self._sequence += 1
         try:
-            self._writer.add_message(
-                self._channels[topic], stamp, record.to_json(), stamp, self._sequence
-            )
+            self._container.add_message(self._numbers[topic], self._stamp(t), record.to_json())
         except OSError as error:
             raise LogError(f"cannot write {self._path}: {error.strerror}") from error
         if self._publish_now or time.monotonic() >= self._next_flush:
@@ -182,7 +167,7 @@ class LogWriter:
             LogError: The disk is full, or the file cannot be put in place.
         """
         try:
-            self._writer.flush()
+            self._container.flush()
             if self._publish_now:
                 self._publish()
         except OSError as error:
@@ -204,7 +189,7 @@ class LogWriter:
             self._discard()
             return
         try:
-            self._writer.finish()
+            self._container.finish()
             self._file.flush()
             os.fsync(self._file.fileno())
             self._file.close()
