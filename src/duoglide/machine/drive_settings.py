@@ -121,14 +121,15 @@ class DriveSettings:
         if self.heartbeat_timeout < 2.0 * self.heartbeat_period:
             raise ConfigError(
                 f"heartbeat_timeout = {self.heartbeat_timeout:g}: must be at least twice"
-                f" heartbeat_period = {self.heartbeat_period:g} s, or one lost frame stops the machine"
+                f" heartbeat_period = {self.heartbeat_period:g} s, or one lost frame is a fault"
             )
         for key in ("missing_frames", "late_cycles", "sdo_retries"):
             self._store(**{key: rules.whole(key, getattr(self, key), 0, 1000)})
 
     def _check_tables(self) -> None:
-        if not isinstance(self.homing, Homing):
-            self._store(homing=rules.build(Homing, self.homing, "homing"))
+        homing: object = self.homing
+        if not isinstance(homing, Homing):
+            self._store(homing=rules.build(Homing, homing, "homing"))
         quirks: object = self.quirks
         if not isinstance(quirks, list | tuple) or len(quirks) != 3:
             raise ConfigError(f"quirks = {quirks!r}: must be three tables, one per axis")
