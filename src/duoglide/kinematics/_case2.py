@@ -1,0 +1,214 @@
+"""The curve of case 2, X sin(beta) + Z cos(beta) = 0, in the xz plane: points and distance.
+
+With delta = pi/2 - v beta, so that cos(beta) = sin(delta) and sin(beta) = v cos(delta), and with
+F1 = 2 (b - d), the curve is X = F1 - l6 sin(delta), Z = v (l6 cos(delta) - F1 cot(delta)). Along it
+h = -F1 tan(beta) - (l4 + l7 - l8) and the strut's projection is |F1 / cos(beta) - l6|, both
+monotonous on each side of the pole delta = 0: what lies within reach is at most one piece per side.
+For F1 = 0 (b = d) the pole becomes a line X = 0 of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import atan2, inf, sqrt
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duoglide.arrays import FloatArray, read_only
+from duoglide.machine import Geometry
+
+IndexArray: TypeAlias = NDArray[np.intp]
+
+STEPS_PER_LENGTH = 150.0  # cells of the sampled curve for one strut length
+TURN = 0.1  # [rad], by which the tangent turns at most in one cell
+COARSE = 16  # every so many samples for a first look
+NEAR_POLE = 1e-9  # [rad], where the line X = 0 takes over
+STEPS = 60  # bisection alone would then be down to rounding
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A stretch of the curve within reach, sampled.
+
+    Attributes:
+        delta: Parameter at the samples, rising, shape (n,).
+        X: Coordinate along x of the samples [mm].
+        Z: Coordinate along z of the samples [mm].
+        spacing: Greatest length of the curve between neighbours [mm], with a reserve.
+    """
+
+    delta: FloatArray
+    X: FloatArray
+    Z: FloatArray
+    spacing: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case2Curve:
+    """The curve for one geometry and one sign of sin(beta).
+
+    Attributes:
+        F1: 2 (b - d) [mm].
+        l6: Arm length [mm].
+        v: Sign of sin(beta).
+        pieces: What of it lies within reach.
+        line: Z at the two ends of the line X = 0 where F1 = 0; empty otherwise.
+    """
+
+    F1: float
+    l6: float
+    v: int
+    pieces: tuple[Piece, ...]
+    line: tuple[float, ...]
+
+    def nearest(
+        self, X: FloatArray, Z: FloatArray, best: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Find the nearest point of the curve where it is nearer than ``best``.
+
+        Args:
+            X: Poses seen from B3 [mm], shape (n,).
+            Z: The same.
+            best: Distance to the other surfaces [mm], shape (n,).
+
+        Returns:
+            Distance, infinite where it is not below ``best``; the direction away, 0 there.
+        """
+        distance, away_x, away_z = np.full_like(X, inf), np.zeros_like(X), np.zeros_like(X)
+        if self.line:
+            low, high = self.line
+            np.copyto(distance, np.abs(X), where=(low <= Z) & (high >= Z))
+            np.copyto(away_x, np.copysign(1.0, X))
+        for piece in self.pieces:
+            limit = np.minimum(best, distance)
+            row, cell = _candidates(piece, X, Z, limit)
+            if row.size == 0:
+                continue
+            found = self._refine(piece, cell, X[row], Z[row])
+            for i in np.argsort(-found[0], kind="stable"):  # the nearest of a row is written last
+                if found[0][i] < limit[row[i]]:
+                    distance[row[i]], away_x[row[i]], away_z[row[i]] = (f[i] for f in found)
+        return distance, away_x, away_z
+
+    def _refine(
+        self, piece: Piece, cell: IndexArray, X: FloatArray, Z: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Minimise the distance about samples ``cell``: Newton within a closing bracket."""
+        last = piece.delta.size - 1
+        low = piece.delta[np.maximum(cell - 1, 0)]
+        high = piece.delta[np.minimum(cell + 1, last)]
+        delta = piece.delta[cell]
+        for _ in range(STEPS):
+            cx, cz, tx, tz, bx, bz = self.point(delta)
+            slope = (cx - X) * tx + (cz - Z) * tz
+            bend = tx * tx + tz * tz + (cx - X) * bx + (cz - Z) * bz
+            high = np.where(slope > 0.0, delta, high)
+            low = np.where(slope > 0.0, low, delta)
+            newton = delta - slope / np.where(bend > 0.0, bend, inf)
+            inside = (newton > low) & (newton < high) & (bend > 0.0)
+            following = np.where(inside, newton, 0.5 * (low + high))
+            moved = np.abs(following - delta) * np.hypot(tx, tz)
+            delta = following
+            if moved.max() < 1e-9 * self.l6:
+                break
+        cx, cz, tx, tz, *_ = self.point(delta)
+        length = np.hypot(tx, tz)
+        nx, nz = -tz / length, tx / length
+        side = np.where((X - cx) * nx + (Z - cz) * nz < 0.0, -1.0, 1.0)
+        return np.hypot(X - cx, Z - cz), side * nx, side * nz
+
+    def point(self, delta: FloatArray) -> tuple[FloatArray, ...]:
+        """Return X, Z and their first and second derivatives by delta."""
+        s, c = np.sin(delta), np.cos(delta)
+        pole = self.F1 / s
+        return (
+            self.F1 - self.l6 * s,
+            self.v * c * (self.l6 - pole),
+            -self.l6 * c,
+            self.v * (pole / s - self.l6 * s),
+            self.l6 * s,
+            -self.v * c * (self.l6 + 2.0 * pole / (s * s)),
+        )
+
+
+def _candidates(
+    piece: Piece, X: FloatArray, Z: FloatArray, best: FloatArray
+) -> tuple[IndexArray, IndexArray]:
+    """List the poses and samples about which the curve may come nearer than ``best``."""
+
+    def squares(rows: IndexArray, step: int) -> FloatArray:
+        dx = X[rows, None] - piece.X[None, ::step]
+        dz = Z[rows, None] - piece.Z[None, ::step]
+        result: FloatArray = dx * dx + dz * dz
+        return result
+
+    rows = np.arange(X.size)
+    for step in (COARSE, 1):
+        table = squares(rows, step)
+        near = table.min(axis=1) <= (best[rows] + step * piece.spacing) ** 2
+        rows, table = rows[near], table[near]
+    padded = np.pad(table, ((0, 0), (1, 1)), constant_values=inf)
+    least = (table <= padded[:, :-2]) & (table <= padded[:, 2:])
+    least &= table <= (best[rows, None] + piece.spacing) ** 2
+    row, cell = np.nonzero(least)
+    return rows[row], cell
+
+
+@lru_cache(maxsize=32)
+def curve_of(g: Geometry, v: int) -> Case2Curve:
+    """Return the curve of a geometry, sampled once."""
+    lift = g.riser_height + g.arm_drop - g.strut_drop
+    F1 = 2.0 * (g.rail_half_spacing - g.platform_half_width)
+    line: tuple[float, ...] = ()
+    if F1 == 0.0:
+        middle = lift + v * g.arm_length
+        low = max(middle - g.leg_length, -g.strut_length)
+        high = min(middle + g.leg_length, g.strut_length)
+        line = (low, high) if low <= high else ()
+    curve = Case2Curve(F1=F1, l6=g.arm_length, v=v, pieces=(), line=line)
+    ends = (_ends(g, v, side) for side in (1, -1))
+    step = g.strut_length / STEPS_PER_LENGTH
+    pieces = tuple(_sample(curve, (min(pair), max(pair)), step) for pair in ends if pair)
+    return replace(curve, pieces=pieces)
+
+
+def _ends(g: Geometry, v: int, side: int) -> tuple[float, ...]:
+    """Return the two values of delta between which one side of the pole is within reach."""
+    lift = g.riser_height + g.arm_drop - g.strut_drop
+    l2, l6, l9 = g.leg_length, g.arm_length, g.strut_length
+    slope = -2.0 * (g.rail_half_spacing - g.platform_half_width) * side
+    low, high = 0.0, inf  # |tan(beta)|
+    if slope == 0.0:
+        if abs(lift) > l2 or l6 > l9:
+            return ()
+    else:  # |h| <= l2 with h = v slope |tan(beta)| - lift, then |F1 / cos(beta) - l6| <= l9
+        first, second = sorted(((lift - l2) / (v * slope), (lift + l2) / (v * slope)))
+        low, high = max(low, first), min(high, second)
+        first, second = sorted(((l9 - l6) / slope, -(l9 + l6) / slope))
+        if second < 1.0:
+            return ()
+        low = max(low, sqrt(max(first, 1.0) ** 2 - 1.0))
+        high = min(high, sqrt(second**2 - 1.0))
+    if low >= high:
+        return ()
+    return side * atan2(1.0, low), side * max(atan2(1.0, high), NEAR_POLE)
+
+
+def _sample(curve: Case2Curve, ends: tuple[float, float], step: float) -> Piece:
+    """Halve cells until each is short and nearly straight."""
+    delta = np.linspace(*ends, 65)
+    for _ in range(STEPS):
+        x, z, tx, tz, *_ = curve.point(delta)
+        chord = np.hypot(np.diff(x), np.diff(z))
+        angle = np.unwrap(np.arctan2(tz, tx))
+        split = (chord > step) | ((np.abs(np.diff(angle)) > TURN) & (chord > 1e-7 * step))
+        if not split.any():
+            break
+        middle = 0.5 * (delta[:-1] + delta[1:])
+        delta = np.sort(np.concatenate([delta, middle[split]]))
+    return Piece(
+        delta=read_only(delta), X=read_only(x), Z=read_only(z), spacing=1.01 * float(chord.max())
+    )

@@ -1,0 +1,87 @@
+"""Distance in the xz plane to lines, half circles, the strut's circle and the curve of case 2.
+
+Coordinates (X, Z) are those of C3 seen from B3; all surfaces are cylinders along y. Of each surface
+only what lies in the closure of reach counts: whatever lies beyond is farther away than the edge,
+because the straight way to it crosses the edge.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.kinematics._case2 import Case2Curve, curve_of
+from duoglide.machine import Geometry
+
+BLOCK = 4096  # poses at a time, to bound the memory
+
+
+def nearest_surface(g: Geometry, v: int, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Find the nearest surface of the branch ``v`` for reachable positions.
+
+    Args:
+        g: Dimensions of the robot.
+        v: Sign of sin(beta).
+        position: Platform centre O' [mm], shape (..., 3), within reach.
+
+    Returns:
+        Distance [mm], shape (...), and the unit vector away from the surface, shape (..., 3).
+    """
+    xb = g.platform_half_width - g.rail_half_spacing
+    zb = g.carriage_height + g.strut_drop
+    X = position[..., 0].ravel() - xb
+    Z = position[..., 2].ravel() - zb
+    distance, away = np.empty(X.shape), np.zeros((X.size, 3))
+    curve = curve_of(g, v)
+    for start in range(0, X.size, BLOCK):
+        part = slice(start, start + BLOCK)
+        distance[part], away[part, 0], away[part, 2] = _nearest(g, v, curve, X[part], Z[part])
+    return distance.reshape(position.shape[:-1]), away.reshape(position.shape)
+
+
+def _nearest(
+    g: Geometry, v: int, curve: Case2Curve, X: FloatArray, Z: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the distance and the two components of the direction away, each of shape (n,)."""
+    l2, l6, l9 = g.leg_length, g.arm_length, g.strut_length
+    u = X - 2.0 * (g.rail_half_spacing - g.platform_half_width)
+    rise = Z - (g.riser_height + g.arm_drop - g.strut_drop)
+    radius = np.hypot(X, Z)
+    safe = np.where(radius > 0.0, radius, 1.0)
+    found = [
+        (np.maximum(l6 - np.abs(u), 0.0), -np.copysign(1.0, u), np.zeros_like(u)),
+        (np.maximum(l9 - radius, 0.0), np.where(radius > 0.0, -X / safe, 1.0), -Z / safe),
+    ]
+    found += [_half_circle(u, rise - side * l2, l6, v, side) for side in (-1, 0, 1)]
+    best = np.min([entry[0] for entry in found], axis=0)
+    found.append(curve.nearest(X, Z, best))
+    table = np.array(found)  # (surface, quantity, pose)
+    first = table[:, 0].argmin(axis=0)
+    distance, away_x, away_z = table[first, :, np.arange(X.size)].T
+    return distance, away_x, away_z
+
+
+def _half_circle(
+    u: FloatArray, w: FloatArray, l6: float, v: int, side: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Measure the distance to the half of a circle where w has the sign v.
+
+    Where the nearest point of the circle is on its other half, the ends of this half are farther
+    than the line of the flat arm that they stand on: infinite here.
+
+    Args:
+        u: Coordinate along x from the circle's centre, shape (n,).
+        w: Coordinate along z from it.
+        l6: Its radius.
+        v: Sign of w on the half that counts.
+        side: -1 for the lower edge of the legs' reach, +1 for the upper, 0 for legs flat.
+
+    Returns:
+        Distance, and the direction away.
+    """
+    radius = np.hypot(u, w)
+    outward = np.sign(radius - l6) if side == 0 else np.full_like(u, -side * v)
+    outward = np.where(outward == 0.0, 1.0, outward)
+    distance = np.where(v * w >= 0.0, np.abs(radius - l6), np.inf)
+    safe = np.where(radius > 0.0, radius, 1.0)
+    return distance, outward * u / safe, outward * w / safe

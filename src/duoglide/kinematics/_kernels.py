@@ -1,0 +1,126 @@
+"""The closed forms, once: for one pose in floats, and for columns of poses in arrays.
+
+Every kernel is plain arithmetic and ``sqrt``. ``in_numpy`` gives the same code with numpy's square
+root; ``_compiled`` gives it to numba. All three agree to the last bit.
+
+Legend: with u = x - (b - d) = -l6 cos(beta), A = l6 sin(beta), X and Z from B3 to C3 in the xz
+plane, h the rise of the legs, p and q the strokes of legs and strut along y (PAPER, short form).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import sqrt
+from types import FunctionType
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from duoglide.kinematics.modes import AssemblyMode, WorkingMode
+from duoglide.machine import Geometry
+
+Constants: TypeAlias = tuple[float, ...]
+
+SINGULAR = 1e-9  # [mm], below which a pose counts as lying on a singular surface
+ROUNDING = 4.0 * 2.0**-52
+
+
+def pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
+    """Collect what ``inverse_pose`` and ``margins_pose`` need, in their order."""
+    return (
+        g.rail_half_spacing - g.platform_half_width,
+        g.carriage_height + g.riser_height + g.arm_drop,
+        g.arm_length,
+        g.leg_length,
+        0.5 * g.coupler_length,
+        g.platform_half_width - g.rail_half_spacing,
+        g.carriage_height + g.strut_drop,
+        g.strut_length,
+        float(mode.v),
+        float(mode.w1),
+        float(mode.w2),
+        float(mode.w3),
+    )
+
+
+def carriage_constants(g: Geometry, mode: AssemblyMode) -> Constants:
+    """Collect what ``forward_pose`` needs, in its order."""
+    return (
+        g.leg_length,
+        g.coupler_length,
+        2.0 * (g.rail_half_spacing - g.platform_half_width),
+        g.riser_height + g.arm_drop - g.strut_drop,
+        g.arm_length,
+        g.strut_length,
+        g.platform_half_width - g.rail_half_spacing,
+        g.carriage_height + g.strut_drop,
+        float(mode.m),
+        float(mode.n),
+    )
+
+
+def inverse_pose(x: float, y: float, z: float, k: Constants) -> tuple[float, float, float]:
+    """Carriages of one pose, Eqs. 13-15 with L3 corrected."""
+    cx, base, l6, l2, half, xb, zb, l9, v, w1, w2, w3 = k
+    u = x - cx
+    X = x - xb
+    Z = z - zb
+    h = z - base - v * sqrt((l6 - u) * (l6 + u))
+    p = sqrt((l2 - h) * (l2 + h))
+    q = sqrt(l9 * l9 - (X * X + Z * Z))
+    return y - half + w1 * p, y + half + w2 * p, y + w3 * q
+
+
+def margins_pose(
+    x: float, z: float, k: Constants
+) -> tuple[float, float, float, float, float, float]:
+    """Margins of one pose, in the order of the fields of ``Margins``."""
+    cx, base, l6, l2, _half, xb, zb, l9, v, w1, w2, _w3 = k
+    u = x - cx
+    X = x - xb
+    Z = z - zb
+    A = v * sqrt((l6 - u) * (l6 + u))
+    h = z - base - A
+    p = sqrt((l2 - h) * (l2 + h))
+    return (
+        l2 - abs(h),
+        l9 - sqrt(X * X + Z * Z),
+        abs(w2 - w1) * p,
+        h,
+        (X * A - Z * u) / l6,
+        l6 - abs(u),
+    )
+
+
+def forward_pose(
+    a1: float, a2: float, a3: float, k: Constants
+) -> tuple[float, float, float, float, float, float, float]:
+    """Platform position for one triple of carriages, Eqs. 8-11 without their quotients.
+
+    C3 lies on a circle of radius l6 about (F1, F3) and on one about B3; n names the intersection.
+
+    Returns:
+        x, y, z; then what tells whether they mean anything: B, the square of h, and the square of
+        l6 times the case-2 value, and a measure of the size of the terms of the latter.
+    """
+    l2, l3, F1, lift, l6, l9, xb, zb, m, n = k
+    B = a2 - a1 - l3
+    rise = (l2 - 0.5 * B) * (l2 + 0.5 * B)
+    h = m * sqrt(rise)
+    y = 0.5 * (a1 + a2)
+    F2 = y - a3
+    F3 = lift + h
+    E = F1 * F1 + F3 * F3
+    R = (l9 - F2) * (l9 + F2)
+    K = 0.5 * (R + E - l6 * l6)
+    cross = R * E - K * K
+    turn = n * sqrt(cross)
+    X = (F1 * K - F3 * turn) / E
+    Z = (F3 * K + F1 * turn) / E
+    return X + xb, y, Z + zb, B, rise, cross, K * K
+
+
+def in_numpy(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the same code with a square root that takes arrays."""
+    assert isinstance(kernel, FunctionType)
+    return FunctionType(kernel.__code__, {**kernel.__globals__, "sqrt": np.sqrt})

@@ -1,0 +1,116 @@
+"""Which link is too short, and by how much: what is asked when a closed form has no real value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.errors import SingularityError, UnreachableError
+from duoglide.kinematics._kernels import Constants
+
+EDGE = 1e-9  # [mm], by which rounding may leave a pose on the edge outside it
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Square roots of the inverse kinematics, and what each link lacks.
+
+    Attributes:
+        A: l6 sin(beta) [mm], 0 where the arm is too short.
+        h: Rise of the legs [mm].
+        p: Stroke of the legs along y [mm], 0 where they are too short.
+        q: Stroke of the strut along y [mm].
+        lacking: What arm, legs and strut lack [mm], shape (..., 3); negative where they suffice.
+            The legs' value counts only where the arm suffices.
+    """
+
+    A: FloatArray
+    h: FloatArray
+    p: FloatArray
+    q: FloatArray
+    lacking: FloatArray
+
+    @property
+    def within(self) -> BoolArray:
+        """Where every link suffices, up to rounding."""
+        return np.asarray((self.lacking <= EDGE).all(axis=-1))
+
+
+def reach_of(position: FloatArray, k: Constants) -> Reach:
+    """Evaluate every link at finite positions of shape (..., 3); never fails."""
+    cx, base, l6, l2, _half, xb, zb, l9, v, *_ = k
+    x, z = position[..., 0], position[..., 2]
+    u = x - cx
+    A = v * np.sqrt(np.maximum((l6 - u) * (l6 + u), 0.0))
+    h = z - base - A
+    X, Z = x - xb, z - zb
+    p = np.sqrt(np.maximum((l2 - h) * (l2 + h), 0.0))
+    q = np.sqrt(np.maximum(l9 * l9 - (X * X + Z * Z), 0.0))
+    lacking = np.stack([np.abs(u) - l6, np.abs(h) - l2, np.hypot(X, Z) - l9], axis=-1)
+    return Reach(A=A, h=h, p=p, q=q, lacking=lacking)
+
+
+def require_reach(position: FloatArray, k: Constants) -> Reach:
+    """Evaluate every link, and refuse the first position that one of them is too short for.
+
+    Raises:
+        UnreachableError: Carries the index, the link and the shortfall [mm].
+    """
+    reach = reach_of(position, k)
+    within = reach.within
+    if not within.all():
+        index = tuple(int(i) for i in np.argwhere(~within)[0])
+        raise _unreachable(position[index], reach.lacking[index], index, k)
+    return reach
+
+
+def require_inside(position: FloatArray, reach: Reach) -> None:
+    """Refuse positions on the edge of reach, where the carriages would move infinitely fast.
+
+    Raises:
+        SingularityError: Names the index and the family.
+    """
+    on_edge = reach.lacking > -EDGE
+    if on_edge.any():
+        *row, link = (int(i) for i in np.argwhere(on_edge)[0])
+        index = tuple(row)
+        family = ("arm_flat", "legs_vertical", "strut")[link]
+        x, y, z = position[index].tolist()
+        where = f"position[{', '.join(map(str, index))}]" if index else "position"
+        raise SingularityError(
+            f"{where} ({x:.6g}, {y:.6g}, {z:.6g}) mm lies on the edge of reach ({family}), where"
+            " the carriages' derivatives are infinite",
+            index=index,
+            family=family,
+        )
+
+
+def _unreachable(
+    pose: FloatArray, lacking: FloatArray, index: tuple[int, ...], k: Constants
+) -> UnreachableError:
+    cx, base, l6, l2, _half, xb, zb, l9, v, *_ = k
+    x, y, z = pose.tolist()
+    arm, legs, strut = lacking.tolist()
+    if arm > EDGE:
+        link, short = "arm", arm
+        remedy = f"x from {cx - l6:.6g} to {cx + l6:.6g} mm is within it"
+    elif strut >= legs:
+        link, short = "strut", strut
+        scale = l9 / (l9 + strut)
+        near = (xb + (x - xb) * scale, zb + (z - zb) * scale)
+        remedy = f"(x, z) = ({near[0]:.6g}, {near[1]:.6g}) is the nearest that it reaches"
+    else:
+        link, short = "legs", legs
+        middle = base + v * float(np.sqrt(max((l6 - (x - cx)) * (l6 + (x - cx)), 0.0)))
+        remedy = f"at this x they reach z from {middle - l2:.6g} to {middle + l2:.6g} mm"
+    where = f"position[{', '.join(map(str, index))}]" if index else "position"
+    verb = "are" if link == "legs" else "is"
+    return UnreachableError(
+        f"{where} ({x:.6g}, {y:.6g}, {z:.6g}) mm: the {link} {verb} {short:.6g} mm too short;"
+        f" {remedy}",
+        index=index,
+        link=link,
+        shortfall=short,
+    )

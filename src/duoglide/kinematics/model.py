@@ -1,0 +1,176 @@
+"""Inverse and forward kinematics, closed form, one pose or many."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duoglide.arrays import BoolArray, FloatArray, as_triples
+from duoglide.errors import InputError
+from duoglide.kinematics import _kernels as kernels
+from duoglide.kinematics._forward import require_forward
+from duoglide.kinematics._jets import height, shifted
+from duoglide.kinematics._reach import reach_of, require_inside, require_reach
+from duoglide.kinematics.modes import ASSEMBLY, WORKING, AssemblyMode, WorkingMode
+from duoglide.machine import Geometry
+
+
+def inverse(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> FloatArray:
+    """Find the carriage positions that hold the platform at ``position``.
+
+    Closed form, Eqs. 13-15 of [Shen2021]_ with L3 corrected. Links only: the travel of the
+    carriages is not looked at.
+
+    Args:
+        geometry: Dimensions of the robot.
+        position: Platform centre O' in the base frame [mm], shape (..., 3).
+        mode: Which of the inverse solutions.
+
+    Returns:
+        Carriage positions along the rails [mm], shape (..., 3).
+
+    Raises:
+        InputError: Not finite numbers of shape (..., 3).
+        UnreachableError: A link is too short; carries the index, the link and the shortfall [mm].
+    """
+    k = kernels.pose_constants(geometry, mode)
+    array = as_triples(position, "position")
+    with np.errstate(invalid="ignore", over="ignore"):
+        columns = kernels.in_numpy(kernels.inverse_pose)(
+            array[..., 0], array[..., 1], array[..., 2], k
+        )
+    carriages = np.stack(columns, axis=-1)
+    if not np.isfinite(carriages).all():
+        reach = require_reach(array, k)
+        half, (w1, w2, w3) = k[4], k[9:]
+        y = array[..., 1]
+        carriages = np.stack(
+            [y - half + w1 * reach.p, y + half + w2 * reach.p, y + w3 * reach.q], axis=-1
+        )
+    return carriages
+
+
+def forward(geometry: Geometry, carriages: ArrayLike, mode: AssemblyMode = ASSEMBLY) -> FloatArray:
+    """Find the platform position that the carriages give.
+
+    Closed form, Eqs. 8-12 of [Shen2021]_, without their quotients, so that beta = pi (G3 = G2) is a
+    pose like any other. sin(beta) comes out with either sign.
+
+    Args:
+        geometry: Dimensions of the robot.
+        carriages: Carriage positions along the rails [mm], shape (..., 3).
+        mode: Which of the forward solutions.
+
+    Returns:
+        Platform centre O' in the base frame [mm], shape (..., 3).
+
+    Raises:
+        InputError: Not finite numbers of shape (..., 3).
+        UnreachableError: A link is too short; carries the index, the link and the shortfall [mm].
+        SingularityError: The answer is indeterminate: |B|, h or the case-2 value is below 1e-9 mm,
+            or cannot be told from zero in double precision.
+    """
+    k = kernels.carriage_constants(geometry, mode)
+    array = as_triples(carriages, "carriages", "(carriage 1, 2, 3)")
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        *columns, B, rise, cross, size = kernels.in_numpy(kernels.forward_pose)(
+            array[..., 0], array[..., 1], array[..., 2], k
+        )
+        fine = (np.abs(B) > 1e-6) & (rise > 1e-12 * k[0] ** 2) & (cross > 1e-12 * size)
+    if not fine.all():
+        require_forward(array, k)
+    return np.stack(columns, axis=-1)
+
+
+def reachable(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> BoolArray:
+    """Tell which positions the links reach; never raises on a finite input.
+
+    Args:
+        geometry: Dimensions of the robot.
+        position: Platform centre O' [mm], shape (..., 3).
+        mode: Which of the inverse solutions.
+
+    Returns:
+        Boolean mask of shape (...). The edge of reach belongs to it.
+
+    Raises:
+        InputError: Not finite numbers of shape (..., 3).
+    """
+    array = as_triples(position, "position")
+    return reach_of(array, kernels.pose_constants(geometry, mode)).within
+
+
+def jacobian(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> FloatArray:
+    """Differentiate the carriage positions by the platform position, -B^-1 A of Eq. 16.
+
+    Args:
+        geometry: Dimensions of the robot.
+        position: Platform centre O' [mm], shape (..., 3).
+        mode: Which of the inverse solutions.
+
+    Returns:
+        d carriages / d position [mm/mm], shape (..., 3, 3), last axis the position's.
+
+    Raises:
+        InputError: Not finite numbers of shape (..., 3).
+        UnreachableError: A link is too short.
+        SingularityError: On the edge of reach, where a derivative is infinite.
+    """
+    array = as_triples(position, "position")
+    k = kernels.pose_constants(geometry, mode)
+    reach = require_reach(array, k)
+    require_inside(array, reach)
+    w1, w2, w3 = k[9:]
+    u, X, Z = array[..., 0] - k[0], array[..., 0] - k[5], array[..., 2] - k[6]
+    slope = -reach.h / reach.p
+    tilt = u / reach.A
+    result = np.zeros((*array.shape, 3))
+    result[..., :, 1] = 1.0
+    for row, w in ((0, w1), (1, w2)):
+        result[..., row, 0] = w * slope * tilt
+        result[..., row, 2] = w * slope
+    result[..., 2, 0] = -w3 * X / reach.q
+    result[..., 2, 2] = -w3 * Z / reach.q
+    return result
+
+
+def inverse_derivatives(
+    geometry: Geometry, derivatives: ArrayLike, mode: WorkingMode = WORKING
+) -> FloatArray:
+    """Carry a position and its derivatives through the inverse kinematics, exactly.
+
+    Args:
+        geometry: Dimensions of the robot.
+        derivatives: Platform position and its first k derivatives by any parameter [mm per unit of
+            it to the power], shape (..., k + 1, 3).
+        mode: Which of the inverse solutions.
+
+    Returns:
+        Carriage positions and their first k derivatives by the same parameter, the same shape.
+
+    Raises:
+        InputError: Not finite numbers of shape (..., k + 1, 3).
+        UnreachableError: A link is too short.
+        SingularityError: On the edge of reach, where a derivative is infinite.
+    """
+    array = as_triples(derivatives, "derivatives")
+    if array.ndim < 2 or array.shape[-2] == 0:
+        raise InputError(f"derivatives must have shape (..., k + 1, 3), got {array.shape}")
+    k = kernels.pose_constants(geometry, mode)
+    reach = require_reach(array[..., 0, :], k)
+    order = array.shape[-2]
+    if order > 1:
+        require_inside(array[..., 0, :], reach)
+    cx, base, _l6, _l2, half, xb, zb, _l9, _v, w1, w2, w3 = k
+    x, y, z = ([array[..., i, axis] for i in range(order)] for axis in range(3))
+    A = height(reach.A, shifted(x, cx))
+    h = [zi - Ai for zi, Ai in zip(shifted(z, base), A, strict=True)]
+    p = height(reach.p, h)
+    q = height(reach.q, shifted(x, xb), shifted(z, zb))
+    result = np.empty(array.shape)
+    for i in range(order):
+        shift = half if i == 0 else 0.0
+        result[..., i, 0] = y[i] - shift + w1 * p[i]
+        result[..., i, 1] = y[i] + shift + w2 * p[i]
+        result[..., i, 2] = y[i] + w3 * q[i]
+    return result

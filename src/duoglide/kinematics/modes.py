@@ -1,0 +1,63 @@
+"""Which of the solutions: the signs of the square roots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from duoglide.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class WorkingMode:
+    """Which inverse solution, Eqs. 13 and 15 of [Shen2021]_; each sign is +1 or -1.
+
+    Attributes:
+        v: Sign of sin(beta): +1 where the arm points up from the legs to the platform.
+        w1: Side of C1 on which carriage 1 stands: +1 at larger y.
+        w2: Side of C2 on which carriage 2 stands.
+        w3: Side of the platform on which carriage 3 stands.
+
+    Raises:
+        InputError: A sign is not +1 or -1.
+    """
+
+    v: int = 1
+    w1: int = -1
+    w2: int = 1
+    w3: int = 1
+
+    def __post_init__(self) -> None:
+        _require_signs(self)
+
+
+@dataclass(frozen=True, slots=True)
+class AssemblyMode:
+    """Which forward solution, Eqs. 9 and 11 of [Shen2021]_; each sign is +1 or -1.
+
+    Attributes:
+        m: Sign of sin(alpha): +1 where the coupler is above the carriages' joints.
+        n: Sign of X sin(beta) + Z cos(beta): which side of case 2.
+
+    Raises:
+        InputError: A sign is not +1 or -1.
+    """
+
+    m: int = 1
+    n: int = 1
+
+    def __post_init__(self) -> None:
+        _require_signs(self)
+
+
+def _require_signs(mode: Any) -> None:
+    """Store each field as a plain int, or refuse it."""
+    for field in fields(mode):
+        value = getattr(mode, field.name)
+        if isinstance(value, bool) or value not in (-1, 1):
+            raise InputError(f"{type(mode).__name__}.{field.name} must be +1 or -1, got {value!r}")
+        object.__setattr__(mode, field.name, int(value))
+
+
+WORKING = WorkingMode()
+ASSEMBLY = AssemblyMode()
