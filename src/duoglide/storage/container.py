@@ -73,6 +73,7 @@ class ContainerWriter:
             for number, spec in enumerate(channels, 1)
         ]
         self._index = _Index()
+        self._sequence = 0
         self._chunk = bytearray(_encoded([*self._schemas, *self._channels]))
         self._entries: dict[int, list[int]] = {}  # by channel: stamp, offset, stamp, offset, ...
         self._put(MCAP0_MAGIC + _encoded([Header("", library)]))
@@ -103,9 +104,10 @@ class ContainerWriter:
     def add_message(self, channel: int, stamp: int, content: bytes) -> None:
         """Write one message; it is in the file when its chunk is full, or at the next ``flush``."""
         chunk = self._chunk
+        self._sequence = (self._sequence + 1) & 0xFFFFFFFF
         self._entries.setdefault(channel, []).extend((stamp, len(chunk)))
         length = _MESSAGE_HEAD + len(content)
-        chunk += _MESSAGE.pack(Opcode.MESSAGE, length, channel, 0, stamp, stamp)
+        chunk += _MESSAGE.pack(Opcode.MESSAGE, length, channel, self._sequence, stamp, stamp)
         chunk += content
         if len(chunk) >= CHUNK_SIZE:
             self._end_chunk()

@@ -1,0 +1,191 @@
+from __future__ import annotations
+
+import random
+import struct
+import time
+import warnings
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+import duoglide as dg
+from duoglide.storage import (
+    ClockAnchor,
+    CycleRecord,
+    EventKind,
+    LogKind,
+    LogWarning,
+    LogWriter,
+    Topic,
+    read_log,
+)
+
+
+def messages_of(file: Path) -> list[CycleRecord]:
+    """What a reader gets, who may get less, but nothing wrong."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)
+        log = read_log(file)
+    return [record for _, record in log.records(Topic.CYCLE)]
+
+
+def test_a_whole_log_gives_back_what_was_written(run_log: Path, cycles: list[CycleRecord]) -> None:
+    log = read_log(run_log)
+    assert (log.kind, log.missing) == (LogKind.RUN, "")
+    assert log.metadata["eds_sha256"] == "abc"
+    assert log.documents == {"machine": {"clearance": 2.0}, "report": {"worst": 0.1}}
+    assert [record for _, record in log.records(Topic.CYCLE)] == cycles
+    times = [t for t, _ in log.records(Topic.CYCLE)]
+    assert times == pytest.approx([1234.5 + 0.002 * i for i in range(len(cycles))], abs=1e-9)
+    [(_, event)] = log.records(Topic.EVENT)
+    assert event.kind is EventKind.STARTED
+    assert not list(log.records(Topic.MOTION))
+
+
+def test_a_document_that_is_not_there_is_named(run_log: Path) -> None:
+    with pytest.raises(dg.LogError, match=r"no trajectory document \(it holds: machine, report\)"):
+        read_log(run_log).document("trajectory")
+
+
+def test_every_truncation_opens_up_to_its_last_whole_record_or_is_refused(
+    run_log: Path, cycles: list[CycleRecord], tmp_path: Path
+) -> None:
+    whole = run_log.read_bytes()
+    torn = tmp_path / "torn.mcap"
+    opened = refused = 0
+    longest = 0
+    for size in range(0, len(whole), 13):
+        torn.write_bytes(whole[:size])
+        try:
+            got = messages_of(torn)
+        except dg.LogError:
+            refused += 1
+            assert size < 600, "only a torn head may be refused"
+            continue
+        opened += 1
+        assert got == cycles[: len(got)]
+        assert len(got) >= longest, "a longer file never holds less"
+        longest = len(got)
+    assert longest == len(cycles)
+    assert min(opened, refused) > 10
+
+
+def test_flipped_bits_never_give_a_wrong_message_nor_hang(
+    run_log: Path, cycles: list[CycleRecord], tmp_path: Path
+) -> None:
+    whole = run_log.read_bytes()
+    file = tmp_path / "flipped.mcap"
+    rng = random.Random(2)
+    slowest = 0.0
+    for _ in range(2000):
+        damaged = bytearray(whole)
+        for _ in range(rng.choice((1, 1, 3, 40))):
+            damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
+        file.write_bytes(damaged)
+        start = time.perf_counter()
+        try:
+            got = messages_of(file)
+        except dg.LogError:
+            continue
+        finally:
+            slowest = max(slowest, time.perf_counter() - start)
+        assert got == cycles[: len(got)]
+    assert slowest < 1.0
+
+
+def test_rubbish_in_the_middle_ends_the_log_there(
+    run_log: Path, cycles: list[CycleRecord], tmp_path: Path
+) -> None:
+    whole = run_log.read_bytes()
+    file = tmp_path / "rubbish.mcap"
+    rng = random.Random(3)
+    for _ in range(500):
+        cut = rng.randrange(700, len(whole))
+        file.write_bytes(whole[:cut] + rng.randbytes(rng.randrange(1, 3000)) + whole[cut:])
+        got = messages_of(file)
+        assert got == cycles[: len(got)]
+
+
+def test_a_record_that_claims_to_be_huge_is_not_believed(run_log: Path, tmp_path: Path) -> None:
+    head = run_log.read_bytes()[:900]
+    file = tmp_path / "huge.mcap"
+    for length in (2**31, 2**40, 2**63 - 1, 2**64 - 1):
+        for opcode in range(256):
+            file.write_bytes(head + struct.pack("<BQ", opcode, length) + bytes(64))
+            assert messages_of(file) == []
+
+
+def test_damage_is_told_in_words_and_as_a_warning(run_log: Path) -> None:
+    whole = run_log.read_bytes()
+    run_log.write_bytes(whole[: len(whole) // 2])
+    with pytest.warns(LogWarning, match=r"\d+ whole messages over 0\.\d+ s are read; \d+ bytes"):
+        log = read_log(run_log)
+    assert "missing" in log.missing
+
+
+def test_a_damaged_head_is_refused(run_log: Path) -> None:
+    whole = run_log.read_bytes()
+    run_log.write_bytes(whole.replace(b"1700000000000000000", b"1700000000000000001", 1))
+    with pytest.raises(dg.LogError, match="checksum"):
+        read_log(run_log)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"", "is empty"),
+        (b"not a log at all, just text", "not a log"),
+        (b"\x89MCAP0\r\n", "head of the log cannot be read"),
+    ],
+)
+def test_what_is_not_a_log_is_refused(tmp_path: Path, content: bytes, why: str) -> None:
+    file = tmp_path / "file.mcap"
+    file.write_bytes(content)
+    with pytest.raises(dg.LogError, match=why):
+        read_log(file)
+
+
+def test_a_missing_file_and_a_directory_are_refused(tmp_path: Path) -> None:
+    for file in (tmp_path / "none.mcap", tmp_path):
+        with pytest.raises(dg.LogError, match="cannot read"):
+            read_log(file)
+
+
+def test_a_file_that_vanishes_after_opening_is_an_error_not_a_crash(run_log: Path) -> None:
+    log = read_log(run_log)
+    run_log.unlink()
+    with pytest.raises(dg.LogError, match="cannot read"):
+        list(log.records(Topic.CYCLE))
+
+
+def test_the_plain_mcap_package_reads_a_whole_log(run_log: Path, cycles: list[CycleRecord]) -> None:
+    with run_log.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        messages = list(reader.iter_messages(topics=["/cycle"]))
+        documents = [attachment.name for attachment in reader.iter_attachments()]
+        summary = reader.get_summary()
+    assert documents == ["machine", "report"]
+    assert len(messages) == len(cycles)
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == len(cycles) + 1
+    schema, channel, message = messages[3]
+    assert schema is not None
+    assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+    assert message.data == cycles[3].to_json()
+
+
+def test_times_survive_to_the_nanosecond() -> None:
+    anchor = ClockAnchor(987654.321, 1_800_000_000_123_456_789)
+    for t in (987654.321, 987655.0, 1087654.3210004):
+        assert anchor.time(anchor.stamp(t)) == pytest.approx(t, abs=1e-9)
+
+
+def test_a_plan_has_its_own_time(tmp_path: Path) -> None:
+    file = tmp_path / "plan.mcap"
+    with LogWriter(file, LogKind.PLAN) as log:
+        log.attach("trajectory", {"duration": 0.1 + 0.2})
+    opened = read_log(file)
+    assert (opened.kind, opened.anchor.monotonic) == (LogKind.PLAN, 0.0)
+    assert opened.documents["trajectory"]["duration"] == 0.1 + 0.2

@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Message
+from mcap.stream_reader import StreamReader
+
+import duoglide as dg
+from duoglide.storage import (
+    CycleRecord,
+    EventKind,
+    EventRecord,
+    LogKind,
+    LogWarning,
+    LogWriter,
+    Topic,
+    read_log,
+)
+
+KILLED = """
+import sys, time
+from duoglide.storage import CycleRecord, LogKind, LogWriter, Phase, Topic
+with LogWriter(sys.argv[1], LogKind.RUN) as log:
+    log.attach("machine", {"clearance": 2.0})
+    begin = time.monotonic()
+    for n in range(100_000):
+        three = (n, n, n)
+        log.write(Topic.CYCLE, time.monotonic(),
+                  CycleRecord(n, Phase.PROGRAM, n * 0.002, 1.0, three, three, three, three))
+        if n == 10: print("writing", flush=True)
+        time.sleep(max(0.0, begin + 0.002 * n - time.monotonic()))
+"""
+
+
+def names(folder: Path) -> list[str]:
+    return [file.name for file in folder.iterdir()]
+
+
+def an_event() -> EventRecord:
+    return EventRecord(EventKind.NOTE, "something")
+
+
+def test_a_killed_writer_loses_at_most_a_second(tmp_path: Path) -> None:
+    file = tmp_path / "killed.mcap"
+    writer = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(file)], stdout=subprocess.PIPE, text=True
+    )
+    assert writer.stdout is not None
+    with writer, writer.stdout:
+        writer.stdout.readline()
+        time.sleep(1.8)
+        died = time.monotonic()
+        writer.send_signal(signal.SIGKILL)
+        writer.wait(5)
+    with pytest.warns(LogWarning, match="was not closed"):
+        log = read_log(file)
+    records = list(log.records(Topic.CYCLE))
+    assert [record.cycle for _, record in records] == list(range(len(records)))
+    assert died - records[-1][0] < 1.0
+    assert log.documents["machine"] == {"clearance": 2.0}
+
+    kinds = [type(record) for record in plain_records(file)]
+    assert kinds.count(Message) == len(records)
+    assert kinds.count(Attachment) == 1
+
+
+def plain_records(file: Path) -> list[object]:
+    """What the mcap package reads of a log before it comes upon the missing end."""
+    found: list[object] = []
+    with file.open("rb") as stream:
+        try:
+            found.extend(StreamReader(stream).records)
+        except McapError:  # extend keeps what came before
+            return found
+    raise AssertionError("the file is whole")
+
+
+def test_a_plan_appears_only_when_it_is_complete(tmp_path: Path) -> None:
+    file = tmp_path / "plan.mcap"
+    file.write_bytes(b"the old plan")
+    with LogWriter(file, LogKind.PLAN) as log:
+        log.attach("trajectory", {})
+        log.write(Topic.EVENT, 0.0, an_event())
+        log.flush()
+        assert file.read_bytes() == b"the old plan"
+    assert read_log(file).kind is LogKind.PLAN
+    assert names(tmp_path) == ["plan.mcap"]
+
+
+@pytest.mark.parametrize("kind", list(LogKind))
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path, kind: LogKind) -> None:
+    file = tmp_path / "log.mcap"
+    file.write_bytes(b"the old one")
+    with pytest.raises(RuntimeError, match="on purpose"), LogWriter(file, kind) as log:
+        log.attach("machine", {})
+        raise RuntimeError("on purpose")
+    assert file.read_bytes() == b"the old one"
+    assert names(tmp_path) == ["log.mcap"]
+
+
+def test_a_run_that_fails_on_the_way_is_kept_and_whole(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    with pytest.raises(RuntimeError), LogWriter(file, LogKind.RUN) as log:
+        log.write(Topic.EVENT, time.monotonic(), an_event())
+        assert file.exists(), "a run is on disk from its first message"
+        raise RuntimeError("on purpose")
+    assert read_log(file).missing == ""
+    assert names(tmp_path) == ["run.mcap"]
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    with (
+        pytest.raises(dg.LogError, match="cannot write"),
+        LogWriter(tmp_path / "no" / "such.mcap", LogKind.RUN),
+    ):
+        pass
+
+
+def test_a_full_disk_is_told_in_one_line() -> None:
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("needs /dev/full")
+    with full.open("wb", buffering=0) as stream, pytest.raises(OSError, match="No space"):
+        from duoglide.storage.container import ContainerWriter
+
+        ContainerWriter(stream, "test", [])
+
+
+@pytest.mark.parametrize("bad", [float("nan"), {1, 2}])
+def test_a_document_that_is_no_json_is_refused(tmp_path: Path, bad: object) -> None:
+    with (
+        pytest.raises(dg.LogError, match="document machine"),
+        LogWriter(tmp_path / "x.mcap", LogKind.PLAN) as log,
+    ):
+        log.attach("machine", {"value": bad})
+    assert names(tmp_path) == []
+
+
+def test_a_log_at_500_hz_stays_under_150_mb_an_hour(tmp_path: Path) -> None:
+    file = tmp_path / "size.mcap"
+    count = 5000
+    with LogWriter(file, LogKind.RUN) as log:
+        for n in range(count):
+            log.write(Topic.CYCLE, 0.002 * n, moving(n))
+    assert file.stat().st_size / (count * 0.002) * 3600 < 150e6
+
+
+def moving(n: int) -> CycleRecord:
+    """A carriage that swings 300 mm, with a little noise in what is measured."""
+    setpoint = [round(300e3 * math.sin(0.025 * n + axis)) for axis in range(3)]
+    noise = [(n * 7919 * (axis + 1)) % 173 - 86 for axis in range(3)]
+    actual = [s + e for s, e in zip(setpoint, noise, strict=True)]
+    return CycleRecord.from_json(
+        {
+            "cycle": n,
+            "phase": 2,
+            "path_time": n * 0.002 % 0.5,
+            "rate": 1.0,
+            "setpoint": setpoint,
+            "actual": actual,
+            "controlword": [31] * 3,
+            "statusword": [5687] * 3,
+            "lateness": n * 31 % 97,
+            "missing": 0,
+        }
+    )
