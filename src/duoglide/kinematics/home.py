@@ -1,0 +1,120 @@
+"""Where the machine starts: a pose with room on every side."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duoglide.arrays import FloatArray, read_only
+from duoglide.errors import ConfigError
+from duoglide.kinematics.model import inverse, reachable
+from duoglide.kinematics.singularity import clearance, margins
+from duoglide.machine import Machine
+
+DEEPEST = (-41.0, 0.0, 302.0)  # of Table 1's workspace, in whole millimetres
+COLUMNS = 61
+ROUNDS = 4  # each five times finer
+ZOOM = 5.0
+SHIFTS = np.array([0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6, -0.8, 0.8])  # of the way along y
+
+
+def home_position(machine: Machine) -> FloatArray:
+    """Find the platform position at which the machine is homed and its simulated drives start.
+
+    The machine's own ``home_position`` where it has one; else (-41, 0, 302), the deepest point for
+    Table 1, where that is allowed; else the pose with the most room, found by search.
+
+    Args:
+        machine: The machine.
+
+    Returns:
+        Platform centre O' in the base frame [mm], shape (3,).
+
+    Raises:
+        ConfigError: The machine's own home is not allowed, or no pose is.
+    """
+    if machine.home_position is not None:
+        own = read_only(np.array(machine.home_position))
+        if not room(machine, own) > 0.0:
+            raise ConfigError(
+                f"home_position = {list(machine.home_position)}: must be within reach, travel and"
+                f" carriage order, out of keep_out, and {machine.clearance:g} mm clear of every"
+                " singularity"
+            )
+        return own
+    usual = np.array(DEEPEST)
+    return read_only(usual if room(machine, usual) > 0.0 else _deepest(machine))
+
+
+def home_carriages(machine: Machine) -> FloatArray:
+    """Find the carriage positions of ``home_position`` [mm], shape (3,).
+
+    Raises:
+        ConfigError: The machine's own home is not allowed, or no pose is.
+    """
+    return read_only(inverse(machine.geometry, home_position(machine)))
+
+
+def room(machine: Machine, position: FloatArray) -> FloatArray:
+    """Measure the least of what is left of clearance, travel and carriage order.
+
+    Args:
+        machine: The machine.
+        position: Finite positions of the platform [mm], shape (..., 3).
+
+    Returns:
+        Room [mm], shape (...); negative or zero where the machine must not stand: out of reach, in
+        a keep-out box, or not in its own assembly mode (+1, +1).
+    """
+    geometry = machine.geometry
+    result = np.full(position.shape[:-1], -np.inf)
+    inside = reachable(geometry, position)
+    poses = position[inside]
+    carriages = inverse(geometry, poses)
+    left = np.minimum(
+        clearance(geometry, poses) - machine.clearance,
+        geometry.rail_half_length - np.abs(carriages).max(axis=-1, initial=0.0),
+    )
+    order = carriages[..., 1] - carriages[..., 0] - machine.carriage_width
+    left = np.minimum(left, order)
+    sides = margins(geometry, poses)
+    barred = (sides.legs_flat <= 0.0) | (sides.arm_strut <= 0.0)
+    for box in machine.keep_out:
+        barred |= ((poses >= np.array(box.low)) & (poses <= np.array(box.high))).all(axis=-1)
+    result[inside] = np.where(barred, -np.inf, left)
+    return result
+
+
+def _deepest(machine: Machine) -> FloatArray:
+    """Search the xz plane on ever finer grids; y puts the carriages amid their travel."""
+    g = machine.geometry
+    centre = np.array(
+        [g.rail_half_spacing - g.platform_half_width, g.carriage_height + g.strut_drop]
+    )
+    half = np.array([g.arm_length, g.strut_length])
+    best, most = np.zeros(3), -np.inf
+    for _ in range(ROUNDS):
+        x = centre[0] + half[0] * np.linspace(-1.0, 1.0, COLUMNS)
+        z = centre[1] + half[1] * np.linspace(-1.0, 1.0, COLUMNS)
+        grid = np.stack(np.meshgrid(x, [0.0], z, indexing="ij"), axis=-1).reshape(-1, 3)
+        poses = _spread_along_rails(machine, grid[reachable(g, grid)])
+        left = room(machine, poses)
+        if left.size and left.max() > most:
+            best, most = poses[left.argmax()], left.max()
+            centre = best[[0, 2]]
+        half = half / ZOOM
+    if most <= 0.0:
+        raise ConfigError(
+            "no pose is within reach, travel and carriage order with"
+            f" {machine.clearance:g} mm clearance; lower clearance or carriage_width"
+        )
+    return best
+
+
+def _spread_along_rails(machine: Machine, poses: FloatArray) -> FloatArray:
+    """Give every pose several y for which its carriages stay on their rails, shape (n, 3)."""
+    offsets = inverse(machine.geometry, poses)
+    low, high = offsets.min(axis=-1), offsets.max(axis=-1)
+    way = np.maximum(machine.geometry.rail_half_length - 0.5 * (high - low), 0.0)
+    spread = np.repeat(poses[:, None, :], SHIFTS.size, axis=1)
+    spread[..., 1] = -0.5 * (low + high)[:, None] + way[:, None] * SHIFTS
+    return spread.reshape(-1, 3)
