@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from duoglide.errors import InputError
 from duoglide.motion.rate import ClockState, PathClock
-from duoglide.motion.stopping import StopBounds
+from duoglide.motion.stopping import RateTable, StopBounds
 
 CYCLE = 0.002
 BOUNDS = StopBounds.constant(2.0, slope=20.0, bend=2000.0)
@@ -98,9 +98,10 @@ def test_a_stop_is_latched() -> None:
     assert clock.rate == 0.0
 
 
-def test_a_change_that_the_bounds_do_not_cover_waits_for_the_one_under_way() -> None:
+def test_a_change_that_the_bounds_do_not_cover_waits_until_they_do() -> None:
     slope, bend = np.array([50.0, 1.0]), np.array([5e3, 5e3])
-    bounds = StopBounds(2.0, slope, bend, np.array([1.5, 2.0]))
+    falling = RateTable(slope, bend, np.array([1.5, 2.0]))
+    bounds = StopBounds(2.0, falling, falling)
     clock = PathClock(bounds, CYCLE, start=0.99, override=0.0)
     clock.set_override(1.0)
     while clock.path_time < 1.0001:  # rising at more than the second cell allows to begin with
@@ -108,8 +109,20 @@ def test_a_change_that_the_bounds_do_not_cover_waits_for_the_one_under_way() -> 
     clock.stop()
     rates = [clock.step(CYCLE)[1] for _ in range(1000)]
     assert max(rates) <= 1.0
-    assert rates[-1] == 0.0
+    assert (clock.rate, clock.path_time) == (0.0, pytest.approx(1.5, abs=0.1))
     assert clock.state is ClockState.STOPPED
+
+
+def test_a_stop_in_mid_rise_turns_at_once() -> None:
+    clock = PathClock(BOUNDS, 1e-4, override=0.0)
+    clock.set_override(1.0)
+    while clock.rate < 0.5:
+        clock.step(1e-4)
+    clock.stop()
+    rates = [clock.step(1e-4)[1] for _ in range(1500)]
+    turn = BOUNDS.rising.slope[0] / BOUNDS.rising.bend[0]
+    assert int(np.argmax(rates)) * 1e-4 == pytest.approx(turn, abs=2e-4)
+    assert rates[-1] == 0.0
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)

@@ -51,7 +51,8 @@ class PathClock:
 
     A command in the middle of a change takes effect at once where the plan's bounds certify it
     from there. Where they do not, the change under way first comes to a constant rate as its own
-    bounds allow, or at the latest ends, and the new change begins there.
+    bounds allow, or at the latest ends, and the new change begins there. Between changes and in
+    them r'^2 <= 2 R2 min(r, 1 - r) always holds, which the bounds count on.
 
     Args:
         bounds: What the trajectory's plan carries; its ``duration`` is the end of path time.
@@ -195,11 +196,16 @@ class PathClock:
             return
         u, rate, slope = self._now()
         old = self._change
-        fresh = self._certified(u, rate, slope, self._goal, self._bounds.at(u))
+        rising = self._goal > rate
+        fresh = None
+        if slope == 0.0 or (slope > 0.0) == rising:
+            bounds = self._bounds.rising_at(u) if rising else self._bounds.falling_at(u)
+            fresh = self._certified(u, rate, slope, self._goal, bounds)
+            if fresh is None and old is not None:
+                fresh = self._certified(u, rate, slope, self._goal, old.bounds)
         if fresh is None and old is not None:
-            fresh = self._certified(u, rate, slope, self._goal, old.bounds)
             level = min(max(rate + slope * abs(slope) / (2.0 * old.bounds.bend), 0.0), 1.0)
-            fresh = fresh or self._certified(u, rate, slope, level, old.bounds)
+            fresh = self._certified(u, rate, slope, level, old.bounds)
         if fresh is not None:
             self._change, self._tau = fresh, (0.0 if old is not None else self._tau)
 
@@ -207,11 +213,8 @@ class PathClock:
         self, u: float, rate: float, slope: float, target: float, bounds: RateBounds
     ) -> _Change | None:
         """Return the change to ``target`` within ``bounds``, or None where they do not cover it."""
-        level = rate + slope * abs(slope) / (2.0 * bounds.bend)
-        if (
-            abs(slope) > bounds.slope * (1.0 + _ROUNDING)
-            or not -_ROUNDING <= level <= 1.0 + _ROUNDING
-        ):
+        room = 2.0 * bounds.bend * min(rate, 1.0 - rate) * (1.0 + _ROUNDING) + _ROUNDING**2
+        if abs(slope) > bounds.slope * (1.0 + _ROUNDING) or slope * slope > room:
             return None
         state = self._input
         state.current_position, state.current_velocity = [u], [rate]

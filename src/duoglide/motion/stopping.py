@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,6 +10,8 @@ import numpy as np
 
 from duoglide.arrays import FloatArray, as_floats, as_number, read_only
 from duoglide.errors import InputError
+
+_ROUNDING = 1e-12
 
 
 class RateBounds(NamedTuple):
@@ -27,33 +29,23 @@ class RateBounds(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StopBounds:
-    """Certified bounds of any change of the path rate, by the path time at which it begins.
-
-    A change of the rate r in [0, 1] (feed hold, resume, override, stop) that begins in cell k,
-    keeps abs(dr/dtau) <= slope[k] and abs(d2r/dtau2) <= bend[k], and ends at or before path time
-    until[k], keeps every carriage within ``machine.stop_limits``.
+class RateTable:
+    """Bounds of a change of the path rate in one direction, by the cell where it begins.
 
     Attributes:
-        duration: Of the trajectory [s]; the cells divide it evenly.
         slope: R1 of each cell [1/s], shape (n,).
         bend: R2 of each cell [1/s^2], shape (n,).
         until: How far each cell's bounds reach in path time [s], shape (n,).
 
     Raises:
-        InputError: Shapes differ, a bound is not finite and above zero, or a stop from full rate
-            out of a cell would end after the cell's ``until``.
+        InputError: Shapes differ, or a bound is not finite and above zero.
     """
 
-    duration: float
     slope: FloatArray
     bend: FloatArray
     until: FloatArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "duration", as_number(self.duration, "duration"))
-        if self.duration < 0.0:
-            raise InputError(f"duration = {self.duration:g} s: must not be negative")
         for name in ("slope", "bend", "until"):
             array = read_only(as_floats(getattr(self, name), name))
             object.__setattr__(self, name, array)
@@ -63,42 +55,108 @@ class StopBounds:
             raise InputError("slope, bend and until must have the same shape")
         if np.any(self.slope <= 0.0) or np.any(self.bend <= 0.0):
             raise InputError("every slope and bend must be above zero")
-        ends = self.duration * np.arange(1, self.slope.size + 1) / self.slope.size
-        need = np.minimum(ends + 0.5 * self.stop_times(), self.duration)
-        if np.any(self.until < need):
-            k = int(np.argmax(need - self.until))
-            raise InputError(f"until[{k}] = {self.until[k]:g} s: a stop needs {need[k]:g} s")
+
+    def change_times(self) -> FloatArray:
+        """Return how long a change between rest and full rate takes, by cell [s], shape (n,)."""
+        return change_time(self.slope, self.bend)
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Return plain lists that ``from_dict`` reads back exactly."""
+        return {name: getattr(self, name).tolist() for name in ("slope", "bend", "until")}
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> RateTable:
+        """Build the table that ``to_dict`` described.
+
+        Raises:
+            InputError: A key is missing or a bound is impossible.
+        """
+        try:
+            return cls(document["slope"], document["bend"], document["until"])
+        except KeyError as error:
+            raise InputError(f"stop bounds lack the key {error}") from error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StopBounds:
+    """Certified bounds of any change of the path rate, by the path time at which it begins.
+
+    A change of the rate r in [0, 1] (feed hold, resume, override, stop) that falls or rises
+    throughout, begins in cell k, keeps abs(dr/dtau) <= slope[k] and abs(d2r/dtau2) <= bend[k] of
+    the table of its direction, and ends at or before path time until[k], keeps every carriage
+    within ``machine.stop_limits``.
+
+    Attributes:
+        duration: Of the trajectory [s]; the cells divide it evenly.
+        falling: Bounds of a rate that falls: hold and stop.
+        rising: Bounds of a rate that rises: resume.
+
+    Raises:
+        InputError: The tables differ in size, or a stop from full rate out of a cell would end
+            after the cell's ``until``.
+    """
+
+    duration: float
+    falling: RateTable
+    rising: RateTable
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "duration", as_number(self.duration, "duration"))
+        if self.duration < 0.0:
+            raise InputError(f"duration = {self.duration:g} s: must not be negative")
+        if self.falling.slope.shape != self.rising.slope.shape:
+            raise InputError("falling and rising must have as many cells")
+        cells = self.falling.slope.size
+        ends = self.duration * np.arange(1, cells + 1) / cells
+        for name in ("falling", "rising"):
+            table: RateTable = getattr(self, name)
+            need = np.minimum(ends + 0.5 * table.change_times(), self.duration)
+            short = need - table.until
+            if np.any(short > _ROUNDING * self.duration):
+                k = int(np.argmax(short))
+                raise InputError(
+                    f"{name}.until[{k}] = {table.until[k]:g} s: a change needs {need[k]:g} s"
+                )
 
     @classmethod
     def constant(cls, duration: float, slope: float, bend: float) -> StopBounds:
-        """Return one pair of bounds for the whole trajectory."""
-        end = [float(duration)]
-        return cls(duration, *_columns(([float(slope)], [float(bend)], end)))
+        """Return one pair of bounds for the whole trajectory, both ways."""
+        one = [np.full(1, float(value)) for value in (slope, bend, duration)]
+        table = RateTable(*one)
+        return cls(duration, table, table)
 
-    def at(self, u: float) -> RateBounds:
-        """Return the bounds of a change that begins at path time ``u`` [s]; clamped to the ends."""
-        cells = self.slope.size
+    def falling_at(self, u: float) -> RateBounds:
+        """Return the bounds of a fall that begins at path time ``u`` [s]; clamped to the ends."""
+        return self._at(self.falling, u)
+
+    def rising_at(self, u: float) -> RateBounds:
+        """Return the bounds of a rise that begins at path time ``u`` [s]; clamped to the ends."""
+        return self._at(self.rising, u)
+
+    def _at(self, table: RateTable, u: float) -> RateBounds:
+        cells = table.slope.size
         cell = int(u / self.duration * cells) if self.duration > 0.0 else 0
         cell = min(max(cell, 0), cells - 1)
-        return RateBounds(float(self.slope[cell]), float(self.bend[cell]), float(self.until[cell]))
+        return RateBounds(
+            float(table.slope[cell]), float(table.bend[cell]), float(table.until[cell])
+        )
 
     def stop_times(self) -> FloatArray:
         """Return how long a stop from full rate takes, by the cell where it begins [s], (n,)."""
-        return change_time(self.slope, self.bend)
+        return self.falling.change_times()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, StopBounds) and self.to_dict() == other.to_dict()
 
     def __hash__(self) -> int:
-        return hash((self.duration, self.slope.tobytes(), self.bend.tobytes()))
+        return hash((self.duration, self.falling.slope.tobytes(), self.rising.slope.tobytes()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and lists that ``from_dict`` reads back exactly."""
         return {
             "duration": self.duration,
-            "slope": self.slope.tolist(),
-            "bend": self.bend.tolist(),
-            "until": self.until.tolist(),
+            "falling": self.falling.to_dict(),
+            "rising": self.rising.to_dict(),
         }
 
     @classmethod
@@ -109,8 +167,8 @@ class StopBounds:
             InputError: A key is missing or a bound is impossible.
         """
         try:
-            lists = (document["slope"], document["bend"], document["until"])
-            return cls(document["duration"], *_columns(lists))
+            falling, rising = (RateTable.from_dict(document[way]) for way in ("falling", "rising"))
+            return cls(document["duration"], falling, rising)
         except KeyError as error:
             raise InputError(f"stop bounds lack the key {error}") from error
 
@@ -121,8 +179,3 @@ def change_time(slope: FloatArray, bend: FloatArray) -> FloatArray:
     quick = 2.0 / np.sqrt(bend)
     result: FloatArray = np.where(slope * slope < bend, slow, quick)
     return result
-
-
-def _columns(lists: Sequence[Any]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    slope, bend, until = (np.asarray(values, dtype=np.float64) for values in lists)
-    return slope, bend, until

@@ -1,0 +1,156 @@
+"""Certify in advance how fast the path rate of a trajectory may change.
+
+With r = du/dtau, a carriage that follows q(u(tau)) has
+
+    velocity q' r,   acceleration q'' r^2 + q' r',   jerk q''' r^3 + 3 q'' r r' + q' r''
+
+(q', q'', q''' along the plan at rate 1). Within abs(r') <= R1 and abs(r'') <= R2, a rate that
+begins and ends constant in [0, 1] also keeps r'^2 <= 2 R2 min(r, 1 - r): it must come from 0 or 1,
+and be able to end there. So r' is small where r is near 1 and the plan's own acceleration counts
+in full, and large only near r = 1/2, where a quarter of it counts. With the shape
+rho = R1^2 / R2 <= 1 fixed, acceleration is linear and jerk quadratic in R1, and the largest R1 of
+each cell of path time is a closed form. A change from any cell must last through its window, half
+the stopping time. Signs count: a falling rate brakes where the plan accelerates, so falling and
+rising rates have bounds of their own.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duoglide.arrays import FloatArray
+from duoglide.machine import Machine
+from duoglide.motion.stopping import RateTable, StopBounds
+
+CELL = 0.001  # s of path time
+SAMPLES = 4  # a cell
+LARGEST_SLOPE = 250.0  # 1/s: no stop is asked to be quicker than 8 ms
+RESERVE = 0.02  # what a change may use at least, as a share of each stop limit
+_SHAPES = np.array([1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.08])  # rho
+_LEVELS = np.linspace(0.5, 1.0, 17)  # cells of r; below 1/2 every term is smaller than at 1/2
+_MOST_CELLS = 60_000
+
+
+class Moving(Protocol):
+    """Velocity, acceleration and jerk of the carriages, each (..., 3)."""
+
+    @property
+    def velocity(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def acceleration(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def jerk(self) -> FloatArray: ...  # noqa: D102
+
+
+class Timed(Protocol):
+    """A trajectory, as far as this module needs one."""
+
+    @property
+    def machine(self) -> Machine: ...  # noqa: D102
+    @property
+    def duration(self) -> float: ...  # noqa: D102
+    def at(self, t: ArrayLike) -> Moving: ...  # noqa: D102
+
+
+def stop_bounds(trajectory: Timed) -> StopBounds:
+    """Return the certified bounds of any change of the path rate along ``trajectory``.
+
+    Where the plan itself uses nearly all of ``machine.stop_limits``, the bounds leave a change
+    2 % of each limit all the same, so that every plan can be stopped: with the default reserve of
+    half the limits this never happens.
+    """
+    duration = trajectory.duration
+    if duration <= 0.0:
+        return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
+    cells = max(1, min(int(np.ceil(duration / CELL)), _MOST_CELLS))
+    peaks = _peaks(trajectory, cells)
+    falling, rising = (_table(trajectory, peaks, way) for way in (-1, 1))
+    return StopBounds(duration, falling, rising)
+
+
+def _table(trajectory: Timed, peaks: FloatArray, way: int) -> RateTable:
+    """Choose for each cell the shape with the quickest change."""
+    allowed = [_largest_slope(trajectory.machine, peaks, rho, way) for rho in _SHAPES]
+    slope, until = _through_windows(np.stack(allowed), trajectory.duration)
+    best = np.argmin((1.0 + _SHAPES[:, None]) / slope, axis=0)
+    columns = np.arange(best.size)
+    chosen = slope[best, columns]
+    return RateTable(chosen, chosen**2 / _SHAPES[best], until[best, columns])
+
+
+def _peaks(trajectory: Timed, cells: int) -> FloatArray:
+    """Bound velocity, acceleration and jerk in each cell, each sign by itself.
+
+    The first two are rigorous: between samples they change at most by the next one's peak times
+    half the spacing. Jerk is the largest sample of the cell and of one sample to each side.
+
+    Returns:
+        Largest positive and largest negative values, both as amounts, shape (2, 3, cells, 3).
+    """
+    count = cells * SAMPLES
+    times = np.linspace(0.0, trajectory.duration, count + 1)
+    state = trajectory.at(times)
+    one = np.stack([state.velocity, state.acceleration, state.jerk])
+    signed = np.stack([one, -one])
+    between = np.maximum(signed[:, :, 1:], signed[:, :, :-1])
+    padded = np.pad(between, ((0, 0), (0, 0), (1, 1), (0, 0)), mode="edge")
+    wide = np.maximum(np.maximum(padded[:, :, :-2], padded[:, :, 1:-1]), padded[:, :, 2:])
+    peaks: FloatArray = wide.reshape(2, 3, cells, SAMPLES, 3).max(axis=3)
+    half = 0.5 * trajectory.duration / count
+    peaks[:, 1] += half * peaks[:, 2].max(axis=0)
+    peaks[:, 0] += half * peaks[:, 1].max(axis=0)
+    return np.maximum(peaks, 0.0)
+
+
+def _largest_slope(machine: Machine, peaks: FloatArray, rho: float, way: int) -> FloatArray:
+    """Return the largest R1 that each cell allows with R2 = R1^2 / rho, shape (cells,).
+
+    ``way`` is the sign of r'. Each limit is looked at from both sides: what the plan itself adds
+    there is ``own``; with r' < 0, q' r' and q'' r' add to it where q' and q'' have the other sign.
+    """
+    limits = machine.stop_limits
+    speed = peaks[:, 0].max(axis=0)[:, None, :]
+    r = _LEVELS[1:, None]  # the upper edge of each cell of r
+    share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1, None]) / rho))  # of R1, at its lower
+    largest = np.full(peaks.shape[2], LARGEST_SLOPE)
+    for own, added in zip(peaks, peaks[::way], strict=True):
+        v, a = added[0][:, None, :], added[1][:, None, :]
+        spare = limits.acceleration - own[1][:, None, :] * r**2
+        room = limits.jerk - own[2][:, None, :] * r**3
+        spare = np.maximum(spare, RESERVE * limits.acceleration)
+        room = np.maximum(room, RESERVE * limits.jerk)
+        half = 1.5 * a * r * share
+        with np.errstate(divide="ignore"):
+            by_acceleration = spare / (v * share)
+            by_jerk = room / (half + np.sqrt(half**2 + room * speed / rho))
+        least = np.minimum(by_acceleration, by_jerk).min(axis=(1, 2))
+        largest = np.minimum(largest, least)
+    return largest
+
+
+def _through_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
+    """Return for each shape and cell the R1 that its whole window allows, and the window's end.
+
+    The window of R1 is as long as the way of a stop in path time. It grows cell by cell, and R1
+    falls with it, until it is long enough; at the end of the trajectory it always is.
+    """
+    shapes, cells = largest.shape
+    cell = duration / cells
+    length = 0.5 * (1.0 + _SHAPES[:, None])
+    slope = np.array(largest)
+    reach = np.zeros((shapes, cells), dtype=np.int64)
+    rows, starts = (index.ravel() for index in np.indices((shapes, cells)))
+    for ahead in range(1, cells):
+        short = length[rows, 0] / slope[rows, starts] > cell * (ahead - 1)
+        grow = short & (starts + ahead < cells)
+        rows, starts = rows[grow], starts[grow]
+        if not rows.size:
+            break
+        slope[rows, starts] = np.minimum(slope[rows, starts], largest[rows, starts + ahead])
+        reach[rows, starts] = ahead
+    last = np.arange(cells) + reach
+    until = np.where(last == cells - 1, duration, cell * (last + 1.0))
+    return slope, until
