@@ -1,0 +1,132 @@
+"""Blends: the curves of continuous curvature that round a corner.
+
+A blend is the polynomial of degree 5 in sigma that leaves the segment before the corner and joins
+the one after it with equal position, first and second derivative. Three numbers are free: how far
+before and after the corner it starts and ends, and how long it is in sigma. The last is given by
+``shape``: as a Bezier curve its control points P1, P2 (and P3, P4) follow the segment's tangent at
+distances h and 2 h with h = shape * min(before, after), and its span is 5 h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from duoglide.arrays import FloatArray, as_number
+from duoglide.errors import InputError
+
+SHAPE = 0.45  # what check_path takes by itself; 0.5 bends hardest, and passes nearest the corner
+_HERMITE = np.array(  # powers of u of the six Hermite conditions p, p', p'' at u = 0 and at u = 1
+    [
+        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
+        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
+        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
+        [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
+        [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
+        [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """How to round one corner.
+
+    Attributes:
+        before: Cut-back on the segment before the corner [mm].
+        after: Cut-back on the segment after it [mm].
+        shape: Span of the blend over five times the smaller cut-back, above 0 and below 1. Up to
+            0.5 the blend of two lines never leaves their triangle.
+
+    Raises:
+        InputError: A value that is not finite or out of range.
+    """
+
+    before: float
+    after: float
+    shape: float = SHAPE
+
+    def __post_init__(self) -> None:
+        for name in ("before", "after", "shape"):
+            number = as_number(getattr(self, name), f"blend {name}")
+            if number <= 0.0:
+                raise InputError(f"blend {name} = {number:g}: must be above 0")
+            object.__setattr__(self, name, number)
+        if self.shape >= 1.0:
+            raise InputError(f"blend shape = {self.shape:g}: must be below 1")
+
+    @classmethod
+    def radius(cls, cut_back: float) -> Blend:
+        """Return the blend with one cut-back on both sides [mm]."""
+        return cls(cut_back, cut_back)
+
+    def turned(self) -> Blend:
+        """Return the same blend, travelled backwards."""
+        return Blend(self.after, self.before, self.shape)
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the fields."""
+        return asdict(self)
+
+
+def quintics(left: FloatArray, right: FloatArray, span: FloatArray) -> FloatArray:
+    """Join states by polynomials of degree 5.
+
+    Args:
+        left: p, p', p'' by sigma where the blends start, shape (n, 3 or more, 3).
+        right: The same where they end.
+        span: Their length in sigma [mm], shape (n,).
+
+    Returns:
+        Coefficients of the powers of u = s / span, shape (n, 6, 3).
+    """
+    scale = np.stack([np.ones_like(span), span, span * span], axis=-1)[..., None]
+    states = np.concatenate([left[:, :3] * scale, right[:, :3] * scale], axis=1)
+    # positions relative to the start, so that large coordinates cost no digits
+    origin = left[:, :1]
+    states[:, 3] -= origin[:, 0]
+    states[:, 0] = 0.0
+    coefficients: FloatArray = np.einsum("ij,nik->njk", _HERMITE, states)
+    coefficients[:, 0] += origin[:, 0]
+    return coefficients
+
+
+def nearest(coefficients: FloatArray, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Find where polynomials pass nearest to points.
+
+    Args:
+        coefficients: Powers of u on [0, 1], shape (n, 6, 3).
+        point: Shape (n, 3) [mm].
+
+    Returns:
+        u and the distance [mm] there, each shape (n,).
+    """
+    shifted = coefficients.copy()
+    shifted[:, 0] -= point
+    grid = np.linspace(0.0, 1.0, 33)
+    powers = grid[:, None] ** np.arange(shifted.shape[1])
+    squares = np.sum(np.einsum("gj,njk->ngk", powers, shifted) ** 2, axis=-1)
+    best = np.argmin(squares, axis=1)
+    low = grid[np.maximum(best - 1, 0)]
+    high = grid[np.minimum(best + 1, grid.size - 1)]
+    u = grid[best]
+    for _ in range(6):  # Newton on the derivative of the squared distance, kept in its bracket
+        p, d1, d2 = _two_derivatives(shifted, u)
+        slope = np.sum(p * d1, axis=-1)
+        bend = np.sum(d1 * d1 + p * d2, axis=-1)
+        high, low = np.where(slope > 0.0, u, high), np.where(slope > 0.0, low, u)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = u - slope / bend
+        u = np.where((bend > 0.0) & (step >= low) & (step <= high), step, 0.5 * (low + high))
+    return u, np.linalg.norm(_two_derivatives(shifted, u)[0], axis=-1)
+
+
+def _two_derivatives(c: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    u = u[:, None]
+    p, d1, d2 = c[:, -1], np.zeros_like(c[:, -1]), np.zeros_like(c[:, -1])
+    for k in range(c.shape[1] - 2, -1, -1):
+        d2 = d2 * u + d1
+        d1 = d1 * u + p
+        p = p * u + c[:, k]
+    return p, d1, 2.0 * d2

@@ -1,0 +1,135 @@
+"""How far blends cut back so that they keep, and use, their corner tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.motion.blend import nearest, quintics
+from duoglide.motion.curve import Curve
+
+UNEVEN = 3.0  # the longer cut-back over the shorter, at most
+WIDEST = 0.5  # [rad] of an arc that a blend may take
+_EXACT = 1e-9  # relative, to which the tolerance is used, from below
+_ROUNDS = 60
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corners:
+    """Corners to round, one row each.
+
+    Attributes:
+        waypoint: Index of the waypoint, shape (n,).
+        left: Index of the curve's piece before it; the piece after it is the next one.
+        tolerance: Corner tolerance [mm]; of no meaning where ``explicit``.
+        shape: Shape of the blend.
+        explicit: Whether the cut-backs are given.
+        before: Given cut-back before the corner [mm], else 0.
+        after: Given cut-back after it [mm], else 0.
+    """
+
+    waypoint: np.ndarray[Any, np.dtype[np.intp]]
+    left: np.ndarray[Any, np.dtype[np.intp]]
+    tolerance: FloatArray
+    shape: FloatArray
+    explicit: BoolArray
+    before: FloatArray
+    after: FloatArray
+
+
+def cut_backs(curve: Curve, corners: Corners) -> tuple[FloatArray, FloatArray]:
+    """Choose cut-backs: equal where there is room, up to three to one where one side is short.
+
+    The longest ones within the tolerance are taken. Two blends share a segment by halves; what one
+    does not need goes to the other.
+
+    Returns:
+        Cut-backs before and after each corner [mm], shape (n,).
+    """
+    before, after = corners.before.copy(), corners.after.copy()
+    free = np.flatnonzero(~corners.explicit)
+    if free.size == 0:
+        return before, after
+    room = np.where(curve.rates > 0.0, WIDEST / np.maximum(curve.rates, 1e-300), np.inf)
+    shared = np.zeros(curve.count, dtype=np.intp)
+    np.add.at(shared, corners.left, 1)
+    np.add.at(shared, corners.left + 1, 1)
+    half = curve.spans / np.maximum(shared, 1)
+    used = np.zeros((2, curve.count))  # at the start and at the end of each piece
+    used[0, corners.left[corners.explicit] + 1] = after[corners.explicit]
+    used[1, corners.left[corners.explicit]] = before[corners.explicit]
+    open_ends = np.zeros((2, curve.count), dtype=bool)
+    for last in (False, True):
+        left, right = corners.left[free], corners.left[free] + 1
+        rest_left = curve.spans[left] - used[0, left]
+        rest_right = curve.spans[right] - used[1, right]
+        if last:  # a neighbour that has met its tolerance leaves the rest of the segment
+            limit_a = np.where(open_ends[0, left], half[left], rest_left)
+            limit_b = np.where(open_ends[1, right], half[right], rest_right)
+        else:
+            given_a, given_b = used[0, left] > 0.0, used[1, right] > 0.0
+            limit_a = np.where(given_a, rest_left, half[left])
+            limit_b = np.where(given_b, rest_right, half[right])
+        limits = np.minimum(limit_a, room[left]), np.minimum(limit_b, room[right])
+        before[free], after[free], met = _fit(curve, corners, free, *limits)
+        if met.all():
+            break
+        used[1, left], used[0, right] = before[free], after[free]
+        open_ends[1, left[~met]] = open_ends[0, right[~met]] = True
+        free = free[~met]
+    return before, after
+
+
+def _fit(
+    curve: Curve, corners: Corners, which: Any, limit_a: FloatArray, limit_b: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Find the largest cut-backs within limits and tolerance; tells where the tolerance decided."""
+    limit_a, limit_b = np.minimum(limit_a, UNEVEN * limit_b), np.minimum(limit_b, UNEVEN * limit_a)
+    left, shape = corners.left[which], corners.shape[which]
+    goal = corners.tolerance[which] * (1.0 - _EXACT)
+
+    def deviation(cut: FloatArray, rows: Any) -> FloatArray:
+        a, b = np.minimum(cut, limit_a[rows]), np.minimum(cut, limit_b[rows])
+        return deviations(curve, left[rows], a, b, shape[rows])
+
+    high = np.maximum(limit_a, limit_b)
+    every = np.arange(high.size)
+    worst = deviation(high, every)
+    met = worst > goal
+    rows = np.flatnonzero(met)
+    low, top = np.zeros(rows.size), high[rows]
+    known_cut, known = top.copy(), worst[rows]
+    cut, power = top * np.minimum(goal[rows] / known, 0.9), np.ones(rows.size)
+    result = high.copy()
+    for _ in range(_ROUNDS):
+        if rows.size == 0:
+            break
+        value = deviation(cut, rows)
+        target = goal[rows]
+        over = value > target
+        low, top = np.where(over, low, cut), np.where(over, cut, top)
+        result[rows] = low
+        with np.errstate(divide="ignore", invalid="ignore"):
+            power = np.log(value / known) / np.log(cut / known_cut)
+            step = cut * (target * (1.0 - 0.1 * _EXACT) / value) ** (1.0 / power)
+        usable = np.isfinite(step) & (step > low) & (step < top)
+        going = (np.abs(value - target) > _EXACT * target) | over
+        going &= top - low > 1e-15 * top
+        known_cut, known = cut[going], value[going]
+        cut = np.where(usable, step, 0.5 * (low + top))[going]
+        rows, low, top = rows[going], low[going], top[going]
+    return np.minimum(result, limit_a), np.minimum(result, limit_b), met
+
+
+def deviations(
+    curve: Curve, left: Any, before: FloatArray, after: FloatArray, shape: FloatArray
+) -> FloatArray:
+    """Distance from corners to the blends that round them [mm], shape (n,)."""
+    sigma = curve.breaks[left + 1]
+    start = curve.derivatives(sigma - before, left)
+    end = curve.derivatives(sigma + after, left + 1)
+    rows = quintics(start, end, 5.0 * shape * np.minimum(before, after))
+    return nearest(rows, curve.derivatives(sigma, left)[:, 0])[1]

@@ -1,0 +1,253 @@
+"""A curve in space: a chain of analytic pieces under one regular parameter.
+
+The parameter sigma runs from 0 to ``curve.end`` in mm. On lines and arcs it is arc length; on
+blends and splines it is a polynomial parameter with |p'| near 1. Position and its first two
+derivatives by sigma are continuous everywhere except at the declared rests, so there is no
+arc-length table, and no noise of one.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import cos, sin
+from typing import Any
+
+import numpy as np
+
+from duoglide.arrays import FloatArray, as_floats, read_only
+from duoglide.errors import InputError
+
+DERIVATIVES = 4  # position and three derivatives
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """An immutable chain of polynomial and circular pieces.
+
+    A piece with rate 0 is the polynomial sum of c_k u^k with u = s / span; a piece with rate w > 0
+    is the arc c_0 + c_1 cos(w s) + c_2 sin(w s). In both, s = sigma minus the piece's first break.
+
+    Attributes:
+        spans: Length of each piece in sigma [mm], shape (n,), all positive.
+        rates: Angle per mm of the arcs [rad/mm], 0 for polynomials, shape (n,).
+        coefficients: Shape (n, m + 1, 3) [mm]; m is the highest degree, at least 2.
+        rests: Where a motion must come to rest, ends excluded, ascending [mm].
+
+    Raises:
+        InputError: Shapes that do not fit, or values that are not finite or not positive.
+    """
+
+    spans: FloatArray
+    rates: FloatArray
+    coefficients: FloatArray
+    rests: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("spans", "rates", "coefficients"):
+            values = as_floats(getattr(self, name), f"curve {name}")
+            object.__setattr__(self, name, read_only(values))
+        count = self.spans.size
+        shapes_fit = self.spans.shape == self.rates.shape == (count,) and (
+            self.coefficients.ndim == 3 and self.coefficients.shape[::2] == (count, 3)
+        )
+        if count == 0 or not shapes_fit or self.coefficients.shape[1] < 3:
+            raise InputError(
+                "a curve needs spans (n,), rates (n,) and coefficients (n, 3 or more, 3), got"
+                f" {self.spans.shape}, {self.rates.shape} and {self.coefficients.shape}"
+            )
+        if self.spans.min() <= 0.0 or self.rates.min() < 0.0:
+            raise InputError("curve spans must be above 0 mm and rates 0 or above")
+        object.__setattr__(self, "rests", tuple(float(rest) for rest in self.rests))
+
+    @cached_property
+    def breaks(self) -> FloatArray:
+        """Sigma of the piece boundaries [mm], shape (n + 1,); only the third derivative jumps."""
+        return read_only(np.concatenate([[0.0], np.cumsum(self.spans)]))
+
+    @property
+    def end(self) -> float:
+        """Sigma of the curve's last point [mm]."""
+        return self._scalars[0][-1]
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return self.spans.size
+
+    @cached_property
+    def _scalars(self) -> tuple[list[float], list[float], list[float]]:
+        return self.breaks.tolist(), self.spans.tolist(), self.rates.tolist()
+
+    def piece_at(self, sigma: FloatArray) -> np.ndarray[Any, np.dtype[np.intp]]:
+        """Return the index of the piece that holds each sigma; at a break, the later one."""
+        return np.clip(np.searchsorted(self.breaks, sigma, side="right") - 1, 0, self.count - 1)
+
+    def derivatives(self, sigma: float | FloatArray, piece: Any = None) -> FloatArray:
+        """Evaluate p, p', p'' and p''' by sigma.
+
+        Args:
+            sigma: Parameter [mm], clamped to [0, end]; a scalar or any shape.
+            piece: Index of the piece to use, which names the side at a break; shape of ``sigma``.
+
+        Returns:
+            Shape (..., 4, 3) [mm, 1, 1/mm, 1/mm^2].
+        """
+        if isinstance(sigma, float | int) and (piece is None or isinstance(piece, int)):
+            return self._at(float(sigma), piece)
+        values = np.clip(np.asarray(sigma, dtype=np.float64), 0.0, self.end)
+        index = self.piece_at(values) if piece is None else np.asarray(piece, dtype=np.intp)
+        values, index = np.broadcast_arrays(values, index)
+        local = values - self.breaks[index]
+        result = self._polynomials(local, index)
+        arcs = self.rates[index] > 0.0
+        if arcs.any():
+            result[arcs] = self._arcs(local[arcs], index[arcs])
+        return result
+
+    def _polynomials(self, local: FloatArray, index: Any) -> FloatArray:
+        """Evaluate polynomials and three derivatives by Horner's rule."""
+        span = self.spans[index]
+        u = (local / span)[..., None]
+        c = self.coefficients[index]
+        p = c[..., -1, :]
+        d1 = d2 = d3 = np.zeros_like(p)
+        for k in range(c.shape[-2] - 2, -1, -1):
+            d3 = d3 * u + d2
+            d2 = d2 * u + d1
+            d1 = d1 * u + p
+            p = p * u + c[..., k, :]
+        inverse = 1.0 / span[..., None]
+        d1 = d1 * inverse
+        d2 = d2 * (2.0 * inverse * inverse)
+        d3 = d3 * (6.0 * inverse * inverse * inverse)
+        return np.stack([p, d1, d2, d3], axis=-2)
+
+    def _arcs(self, local: FloatArray, index: Any) -> FloatArray:
+        """Evaluate arcs and three derivatives."""
+        rate = self.rates[index][:, None]
+        c = self.coefficients[index]
+        angle = rate * local[:, None]
+        cosine, sine = np.cos(angle), np.sin(angle)
+        radial = c[:, 1] * cosine + c[:, 2] * sine
+        along = (c[:, 2] * cosine - c[:, 1] * sine) * rate
+        return np.stack([c[:, 0] + radial, along, -radial * rate**2, -along * rate**2], axis=-2)
+
+    def _at(self, sigma: float, piece: int | None) -> FloatArray:
+        """Evaluate one point in plain floats: several times quicker than arrays of one row."""
+        breaks, spans, rates = self._scalars
+        sigma = min(max(sigma, 0.0), breaks[-1])
+        index = min(bisect_right(breaks, sigma) - 1, len(spans) - 1) if piece is None else piece
+        local, span, rate = sigma - breaks[index], spans[index], rates[index]
+        rows = self.coefficients[index].tolist()
+        if rate > 0.0:
+            return _arc_at(rows, local, rate)
+        u, w = local / span, 1.0 / span
+        first, second, third = w, 2.0 * w * w, 6.0 * w * w * w
+        result = ([], [], [], [])  # type: tuple[list[float], ...]
+        for axis in range(3):
+            p, d1, d2, d3 = rows[-1][axis], 0.0, 0.0, 0.0
+            for k in range(len(rows) - 2, -1, -1):
+                d3 = d3 * u + d2
+                d2 = d2 * u + d1
+                d1 = d1 * u + p
+                p = p * u + rows[k][axis]
+            result[0].append(p)
+            result[1].append(d1 * first)
+            result[2].append(d2 * second)
+            result[3].append(d3 * third)
+        return np.array(result)
+
+    def position(self, sigma: float | FloatArray) -> FloatArray:
+        """Return the position at ``sigma`` [mm], shape (..., 3)."""
+        return self.derivatives(sigma)[..., 0, :]
+
+    @cached_property
+    def _lengths(self) -> FloatArray:
+        """Arc length at the breaks [mm], shape (n + 1,)."""
+        every = np.arange(self.count)
+        lengths = np.where(self._is_unit, self.spans, 0.0)
+        others = every[~self._is_unit]
+        lengths[others] = self._quadrature(self.spans[others], others)
+        return read_only(np.concatenate([[0.0], np.cumsum(lengths)]))
+
+    @cached_property
+    def _is_unit(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Whether sigma is arc length on the piece: lines and arcs."""
+        bent: np.ndarray[Any, np.dtype[np.bool_]] = self.coefficients[:, 2:].any(axis=(1, 2))
+        return (self.rates > 0.0) | ~bent
+
+    def _quadrature(self, local: FloatArray, index: Any) -> FloatArray:
+        """Integrate |p'| over the first ``local`` mm of sigma of polynomial pieces."""
+        half = 0.5 * local[..., None]
+        slope = self._polynomials(half * (1.0 + _NODES), np.asarray(index)[..., None])[..., 1, :]
+        lengths: FloatArray = (np.linalg.norm(slope, axis=-1) @ _WEIGHTS) * half[..., 0]
+        return lengths
+
+    def arc_length(self, sigma: float | FloatArray) -> FloatArray:
+        """Return the distance along the curve from its start to ``sigma`` [mm], same shape."""
+        values = np.clip(np.asarray(sigma, dtype=np.float64), 0.0, self.end)
+        index = self.piece_at(values)
+        local = values - self.breaks[index]
+        if not self._is_unit[index].all():
+            local = np.where(self._is_unit[index], local, self._quadrature(local, index))
+        total: FloatArray = self._lengths[index] + local
+        return total
+
+    @property
+    def length(self) -> float:
+        """Length of the whole curve [mm]."""
+        return float(self._lengths[-1])
+
+    def moved(self, offset: FloatArray) -> Curve:
+        """Return this curve, every point moved by ``offset`` [mm]."""
+        coefficients = self.coefficients.copy()
+        coefficients[:, 0, :] += offset
+        return Curve(self.spans, self.rates, coefficients, self.rests)
+
+    def with_rests(self, rests: tuple[float, ...]) -> Curve:
+        """Return this curve with other rests."""
+        return Curve(self.spans, self.rates, self.coefficients, rests)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists of floats, from which ``from_dict`` builds this very curve."""
+        return {
+            "spans": self.spans.tolist(),
+            "rates": self.rates.tolist(),
+            "coefficients": self.coefficients.tolist(),
+            "rests": list(self.rests),
+        }
+
+    @classmethod
+    def from_dict(cls, table: Mapping[str, Any]) -> Curve:
+        """Build a curve from what ``to_dict`` gave.
+
+        Raises:
+            InputError: A key is missing, or the numbers make no curve.
+        """
+        try:
+            spans, rates, coefficients = table["spans"], table["rates"], table["coefficients"]
+            return cls(spans, rates, coefficients, tuple(table["rests"]))
+        except (KeyError, TypeError) as error:
+            raise InputError(f"not a curve: {error!r}") from error
+
+    def __repr__(self) -> str:
+        return f"Curve({self.length:.6g} mm, {self.count} pieces, {len(self.rests)} rests)"
+
+
+def _arc_at(rows: list[list[float]], local: float, rate: float) -> FloatArray:
+    """Evaluate one point of one arc."""
+    cosine, sine = cos(rate * local), sin(rate * local)
+    result = ([], [], [], [])  # type: tuple[list[float], ...]
+    for axis in range(3):
+        first, second = rows[1][axis], rows[2][axis]
+        radial = first * cosine + second * sine
+        along = (second * cosine - first * sine) * rate
+        result[0].append(rows[0][axis] + radial)
+        result[1].append(along)
+        result[2].append(-radial * rate * rate)
+        result[3].append(-along * rate * rate)
+    return np.array(result)

@@ -1,0 +1,233 @@
+"""The segments that a path is programmed from: line, arc, spline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duoglide.arrays import FloatArray, as_number, as_triples, read_only
+from duoglide.errors import InputError
+
+COINCIDENT = 1e-6  # [mm]; points nearer to each other than this are one point
+_COLLINEAR = 1e-9  # [mm]; an arc that bulges less than this is a line
+Point: TypeAlias = tuple[float, float, float]
+
+
+def as_point(value: ArrayLike, name: str) -> Point:
+    """Convert ``value`` to one finite point.
+
+    Raises:
+        InputError: Not three finite numbers.
+    """
+    array = as_triples(value, name)
+    if array.shape != (3,):
+        raise InputError(f"{name} must be one point (x, y, z), got shape {array.shape}")
+    x, y, z = array.tolist()
+    return x, y, z
+
+
+def as_speed(value: float | None, name: str = "speed [mm/s]") -> float | None:
+    """Convert a cap to a float above zero; None stays: no cap.
+
+    Raises:
+        InputError: Not one finite number above zero.
+    """
+    if value is None:
+        return None
+    number = as_number(value, name)
+    if number <= 0.0:
+        raise InputError(f"{name} = {number:g}: must be above 0")
+    return number
+
+
+def distance(a: Point, b: Point) -> float:
+    """Return the distance between two points [mm]."""
+    return float(np.hypot(np.hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]))
+
+
+def show(point: Point | FloatArray) -> str:
+    """Write a point for people."""
+    return f"({point[0]:.6g}, {point[1]:.6g}, {point[2]:.6g})"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A straight segment.
+
+    Attributes:
+        start: Where it begins [mm].
+        end: Where it ends [mm].
+        speed: Cap on the tool's speed along it [mm/s]; None: no cap.
+    """
+
+    start: Point
+    end: Point
+    speed: float | None = None
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The points that it is programmed by."""
+        return self.start, self.end
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """A circular segment through three points.
+
+    Attributes:
+        start: Where it begins [mm].
+        via: A point on it, between the ends [mm].
+        end: Where it ends [mm].
+        speed: Cap on the tool's speed along it [mm/s]; None: no cap.
+
+    Raises:
+        InputError: The three points lie on one line, or two of them coincide.
+    """
+
+    start: Point
+    via: Point
+    end: Point
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        pairs = (("start", "via"), ("via", "end"), ("start", "end"))
+        for one, other in pairs:
+            a, b = getattr(self, one), getattr(self, other)
+            if distance(a, b) < COINCIDENT:
+                raise InputError(f"arc: {one} {show(a)} and {other} {show(b)} mm coincide")
+        if self._bulge() < _COLLINEAR:
+            raise InputError(
+                f"arc: {show(self.start)}, {show(self.via)} and {show(self.end)} mm lie on one"
+                " line; use a line"
+            )
+
+    def _bulge(self) -> float:
+        """How far the middle one of the three points is from the line through the others [mm]."""
+        a, b, c = (np.array(point) for point in self.points)
+        area = float(np.linalg.norm(np.cross(b - a, c - a)))
+        sides = (self.start, self.via), (self.via, self.end), (self.start, self.end)
+        return area / max(distance(*side) for side in sides)
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The points that it is programmed by."""
+        return self.start, self.via, self.end
+
+    def circle(self) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
+        """Find the circle.
+
+        Returns:
+            Centre; radius vectors at the start and a quarter turn on [mm]; radius [mm]; angle
+            swept [rad], above 0.
+        """
+        a, b, c = (np.array(point) for point in self.points)
+        ab, ac = b - a, c - a
+        normal = np.cross(ab, ac)
+        size = float(normal @ normal)
+        outward = (np.cross(normal, ab) * (ac @ ac) + np.cross(ac, normal) * (ab @ ab)) / (2 * size)
+        first = -outward
+        radius = float(np.linalg.norm(first))
+        second = np.cross(normal / np.sqrt(size), first)
+        last = c - (a + outward)
+        angle = float(np.arctan2(last @ second, last @ first)) % (2.0 * np.pi)
+        return a + outward, first, second, radius, angle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spline:
+    """A smooth segment through points: the natural cubic spline over chord length.
+
+    Attributes:
+        through: Points [mm], shape (n, 3), n at least 2; neighbours do not coincide.
+        speed: Cap on the tool's speed along it [mm/s]; None: no cap.
+
+    Raises:
+        InputError: Fewer than two points, or neighbours that coincide.
+    """
+
+    through: FloatArray
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        points = as_triples(self.through, "points")
+        require_apart(points)
+        object.__setattr__(self, "through", read_only(points))
+
+    @property
+    def start(self) -> Point:
+        """Where it begins [mm]."""
+        return as_point(self.through[0], "start")
+
+    @property
+    def end(self) -> Point:
+        """Where it ends [mm]."""
+        return as_point(self.through[-1], "end")
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The points that it is programmed by."""
+        return tuple(as_point(point, "point") for point in self.through)
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Spline)
+            and np.array_equal(self.through, other.through)
+            and self.speed == other.speed
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.through.tobytes(), self.speed))
+
+
+Segment: TypeAlias = Line | Arc | Spline
+
+
+def require_apart(points: FloatArray) -> None:
+    """Refuse a list of points that is too short, or in which neighbours coincide.
+
+    Raises:
+        InputError: Names the two points.
+    """
+    if points.ndim != 2 or len(points) < 2:
+        raise InputError(f"points must have shape (n, 3) with n at least 2, got {points.shape}")
+    gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if gaps.min() < COINCIDENT:
+        i = int(np.argmax(gaps < COINCIDENT))
+        raise InputError(
+            f"points {i} and {i + 1} coincide at {show(points[i])} mm ({gaps[i]:.3g} mm apart);"
+            " leave one out"
+        )
+
+
+def segment_to_dict(segment: Segment) -> dict[str, Any]:
+    """Return ``segment`` as plain values, its kind under ``"type"``."""
+    if isinstance(segment, Spline):
+        table: dict[str, Any] = {"type": "through", "points": segment.through.tolist()}
+    else:
+        kind = "line" if isinstance(segment, Line) else "arc"
+        table = {"type": kind, "points": [list(point) for point in segment.points]}
+    if segment.speed is not None:
+        table["speed"] = segment.speed
+    return table
+
+
+def segment_from_dict(table: Mapping[str, Any]) -> Segment:
+    """Build a segment from what ``segment_to_dict`` gave.
+
+    Raises:
+        InputError: Not such a table.
+    """
+    kind = table.get("type")
+    points = as_triples(table.get("points", ()), "points")
+    speed = as_speed(table.get("speed"))
+    if kind == "through":
+        return Spline(points, speed)
+    wanted = {"line": 2, "arc": 3}.get(str(kind))
+    if points.shape != (wanted, 3):
+        raise InputError(f"not a segment: type {kind!r} with points of shape {points.shape}")
+    first, *middle, last = (as_point(point, "point") for point in points)
+    return Arc(first, middle[0], last, speed) if middle else Line(first, last, speed)
