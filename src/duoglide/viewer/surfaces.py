@@ -71,13 +71,13 @@ def singular_curves(geometry: Geometry) -> dict[str, list[FloatArray]]:
 
 def _touches_reach(geometry: Geometry, line: FloatArray) -> BoolArray:
     """Whether each point of a polyline lies in the closure of reach, or within ``_INSET`` of it."""
-    finite = np.isfinite(line).all(axis=1)
+    finite = np.isfinite(line.sum(axis=1))
     points = np.where(finite[:, None], line, 0.0)
     turn = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
     ring = np.stack([np.cos(turn), np.sin(turn)], -1) * _INSET
     around = points[:, None, :] + ring
     poses = np.stack([around[..., 0], np.zeros(around.shape[:2]), around[..., 1]], -1)
-    near: BoolArray = np.asarray(reachable(geometry, poses)).any(axis=1) & finite
+    near: BoolArray = (np.count_nonzero(reachable(geometry, poses), axis=1) > 0) & finite
     return near
 
 
