@@ -1,0 +1,91 @@
+"""The streamer's end of the bus: send frames that are ready, take what has come, never wait."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+from duoglide.errors import BusError
+
+if TYPE_CHECKING:
+    import can
+
+ERROR_FRAME = -1  # stands for the identifier of an error frame
+_BUS_OFF = 0x40  # of the identifier of a SocketCAN error frame (linux/can/error.h)
+_CONTROLLER = 0x04
+_PASSIVE = 0x30  # of its byte 1: receive or transmit error counter above 127
+
+Frame = tuple[int, bytes]  # COB-ID and data
+
+
+class Link(Protocol):
+    """What the cycle needs of a bus; tests bring one made of two lists."""
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Hand frames to the bus in order.
+
+        Raises:
+            BusError: One of them was not taken.
+        """
+        ...
+
+    def receive(self) -> list[Frame]:
+        """Return the frames that have come, oldest first, without waiting.
+
+        Raises:
+            BusError: The bus is dead.
+        """
+        ...
+
+    def close(self) -> None:
+        """Leave the bus."""
+        ...
+
+
+class BusLink:
+    """A link over any bus of python-can; closing it closes the bus."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        import can
+
+        from duoglide.drives.buses import frame_sender
+
+        self._bus = bus
+        self._send = frame_sender(bus)
+        self._failures = (can.CanError, OSError, ValueError)
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Hand frames to the bus in order; BusError if one is not taken (ENOBUFS, link down)."""
+        try:
+            self._send(frames)
+        except self._failures as error:
+            raise BusError(f"the bus did not take a frame: {error}") from error
+
+    def receive(self) -> list[Frame]:
+        """Return the frames that have come; BusError if the bus is dead."""
+        frames: list[Frame] = []
+        try:
+            while (message := self._bus.recv(0)) is not None:
+                if message.is_error_frame:
+                    kind = message.arbitration_id
+                    frames.append((ERROR_FRAME, bytes((kind & 0xFF,)) + bytes(message.data)))
+                elif not message.is_extended_id and not message.is_remote_frame:
+                    frames.append((message.arbitration_id, bytes(message.data)))
+        except self._failures as error:
+            raise BusError(f"the bus is dead: {error}") from error
+        return frames
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
+
+
+def is_fatal(error_frame: bytes) -> bool:
+    """Whether an error frame says bus-off or error-passive.
+
+    Args:
+        error_frame: Low byte of its identifier, then its data, as ``receive`` gives it.
+    """
+    kind = error_frame[0]
+    passive = len(error_frame) > 2 and bool(error_frame[2] & _PASSIVE)
+    return bool(kind & _BUS_OFF) or (bool(kind & _CONTROLLER) and passive)

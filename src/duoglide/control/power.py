@@ -1,0 +1,58 @@
+"""Which controlword each drive gets: the three drives' power as one goal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+
+from duoglide.control.tracks import AxisTrack
+from duoglide.drives.cia402 import Control, State, controlword_towards
+
+_RESET_PERIOD = 16  # cycles: half of them with bit 7, half without, so that an edge comes again
+
+
+class Power(IntEnum):
+    """What the streamer wants of the drives' power."""
+
+    SILENT = 0  # no setpoints are sent; somebody else may write controlwords
+    OFF = 1
+    ON = 2
+    HOMING = 3  # on, with bit 4: in homing mode, go
+    QUICK_STOP = 4
+    RESET = 5  # rising edges of bit 7 to whoever is in fault
+
+
+_ONE_DOWN = {
+    State.OPERATION_ENABLED: State.SWITCHED_ON,
+    State.SWITCHED_ON: State.READY_TO_SWITCH_ON,
+}
+
+
+def controlword(power: Power, state: State | None, cycle: int) -> int:
+    """Return what to send a drive in ``state`` so that it goes where ``power`` wants it.
+
+    A drive in fault, or in a state that has no name, gets zeros, which enable nothing.
+    """
+    if state is None or state is State.NOT_READY_TO_SWITCH_ON:
+        return Control.DISABLE_VOLTAGE
+    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+        pulse = power is Power.RESET and cycle % _RESET_PERIOD >= _RESET_PERIOD // 2
+        return Control.FAULT_RESET if pulse else Control.DISABLE_VOLTAGE
+    if power is Power.ON:
+        return _towards(state, State.OPERATION_ENABLED)
+    if power is Power.HOMING:
+        return Control.START_HOMING
+    if power is Power.QUICK_STOP:
+        moving = state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
+        return Control.QUICK_STOP if moving else Control.DISABLE_VOLTAGE
+    return _towards(state, _ONE_DOWN.get(state, State.SWITCH_ON_DISABLED))
+
+
+def _towards(state: State, goal: State) -> int:
+    word = controlword_towards(state, goal)
+    return Control.DISABLE_VOLTAGE if word is None else word
+
+
+def all_in(tracks: Sequence[AxisTrack], state: State) -> bool:
+    """Whether every drive has last shown ``state``."""
+    return all(track.state is state for track in tracks)

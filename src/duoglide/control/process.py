@@ -1,0 +1,163 @@
+"""The streamer as a process of its own, seen from the host.
+
+Not ``multiprocessing``: that imports the user's script again in the child, and a first program of
+ten lines has no ``if __name__`` guard. The child is a fresh interpreter that inherits three
+descriptors: the ring, a socket for orders, and a socket for programs.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from struct import Struct
+from typing import TYPE_CHECKING
+
+from duoglide.control.orders import Command
+from duoglide.control.ring import Ring
+from duoglide.errors import BusError, DuoglideError
+
+if TYPE_CHECKING:
+    from duoglide.control.orders import StreamSettings
+    from duoglide.control.program import Program
+
+ORDER = Struct("<IId")
+LENGTH = Struct("<Q")
+_START_PATIENCE = 20.0  # [s] a loaded computer may take to start an interpreter
+_CLOSE_PATIENCE = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """What the streamer is told when it starts.
+
+    Attributes:
+        bus: Name of the bus.
+        bit_rate: [bit/s].
+        settings: Of the machine.
+    """
+
+    bus: str
+    bit_rate: int
+    settings: StreamSettings
+
+
+class StreamerProcess:
+    """A running streamer; a resource: ``close`` it, or use ``with``.
+
+    Args:
+        assignment: Which bus, which machine.
+
+    Raises:
+        BusError: It could not start, or could not open the bus.
+    """
+
+    def __init__(self, assignment: Assignment) -> None:
+        descriptor = Ring.allocate()
+        self.ring = Ring(descriptor)
+        self._orders, orders = socket.socketpair()
+        self._bulk, bulk = socket.socketpair()
+        theirs = (descriptor, orders.fileno(), bulk.fileno())
+        command = [sys.executable, "-m", "duoglide.control.streamer_main", *map(str, theirs)]
+        try:
+            # A session of its own: Ctrl-C and Ctrl-Z in the terminal are for the host alone.
+            self._process = subprocess.Popen(
+                command, pass_fds=theirs, start_new_session=True, stdin=subprocess.DEVNULL
+            )
+        finally:
+            orders.close()
+            bulk.close()
+            os.close(descriptor)
+        self._bulk.settimeout(_START_PATIENCE)
+        try:
+            self._hand_over(assignment)
+        except DuoglideError:
+            self.close()
+            raise
+
+    @property
+    def pid(self) -> int:
+        """Its process number."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it runs."""
+        return self._process.poll() is None
+
+    def order(self, command: Command, argument: int = 0, value: float = 0.0) -> None:
+        """Give an order; it is obeyed in the next cycle.
+
+        Raises:
+            BusError: The streamer is gone.
+        """
+        try:
+            self._orders.sendall(ORDER.pack(command, argument, value))
+        except OSError as error:
+            raise BusError("the streamer process is gone; the drives have stopped") from error
+
+    def load(self, program: Program) -> None:
+        """Hand a program over; returns when the streamer has it.
+
+        Raises:
+            BusError: The streamer is gone.
+        """
+        self._hand_over(program)
+
+    def close(self) -> None:
+        """End the process: politely, then firmly."""
+        if self.alive:
+            try:
+                self.order(Command.CLOSE)
+                self._process.wait(_CLOSE_PATIENCE)
+            except (BusError, subprocess.TimeoutExpired):
+                self._process.kill()
+        self._process.wait()
+        self._orders.close()
+        self._bulk.close()
+        self.ring.close()
+
+    def _hand_over(self, thing: object) -> None:
+        """Send one pickled object and wait until the streamer says that it has it."""
+        data = pickle.dumps(thing, pickle.HIGHEST_PROTOCOL)
+        try:
+            self._bulk.sendall(LENGTH.pack(len(data)) + data)
+            answer = receive_pickle(self._bulk)
+        except (OSError, EOFError) as error:
+            code = self._exit_code()
+            raise BusError(
+                f"the streamer process has ended or is stuck (exit code {code})"
+            ) from error
+        if isinstance(answer, DuoglideError):
+            raise answer
+
+    def _exit_code(self) -> int | None:
+        deadline = time.monotonic() + 1.0
+        while self.alive and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return self._process.poll()
+
+
+def receive_pickle(end: socket.socket) -> object:
+    """Read one object sent with its length before it.
+
+    Raises:
+        EOFError: The other side is gone.
+        OSError: The socket has failed, or its patience is over.
+    """
+    (length,) = LENGTH.unpack(_receive(end, LENGTH.size))
+    return pickle.loads(_receive(end, length))
+
+
+def _receive(end: socket.socket, size: int) -> bytes:
+    parts = bytearray()
+    while len(parts) < size:
+        part = end.recv(min(size - len(parts), 1 << 20))
+        if not part:
+            raise EOFError("the other side is gone")
+        parts += part
+    return bytes(parts)

@@ -1,0 +1,363 @@
+"""The cycle: SYNC, listen, obey, supervise, move, send, record. Nothing in it waits.
+
+SYNC goes out first, at the deadline. Then the drives' answers to the SYNC *before* are read: this
+process never reacts to a frame by sending one. The setpoint that follows acts at the next SYNC.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from duoglide.arrays import AXES
+from duoglide.control.motion import OVER, Motion, MotionState
+from duoglide.control.orders import Command, Happening, Inbox, Outbox, StreamSettings
+from duoglide.control.power import Power, all_in, controlword
+from duoglide.control.ring import CycleEntry, EventEntry
+from duoglide.control.supervise import Condition, Observation, Reaction, assess
+from duoglide.control.tracks import Dispatch
+from duoglide.drives import pdo
+from duoglide.drives.cia402 import State
+from duoglide.errors import BusError
+from duoglide.storage.records import Phase
+
+if TYPE_CHECKING:
+    from duoglide.control.clock import Clock
+    from duoglide.control.link import Frame, Link
+    from duoglide.control.program import IntTriple
+
+SETPOINT_DELAY = (
+    2  # cycles from the SYNC that a setpoint follows to the SYNC at which it is reached
+)
+_ZEROS: IntTriple = (0, 0, 0)
+_BRAKING = 0.5  # [s] that drives get for a quick stop before their power is taken
+_LEAVING = 1.0  # [s] that drives get to switch off once the host is gone
+_CONDITIONS = {condition: index for index, condition in enumerate(Condition)}
+
+
+class Streamer:
+    """The state of the stream, and one cycle of it.
+
+    Args:
+        link: The bus.
+        settings: Of the machine.
+        inbox: The host's orders.
+        outbox: Where records go.
+    """
+
+    def __init__(self, link: Link, settings: StreamSettings, inbox: Inbox, outbox: Outbox) -> None:
+        self._link, self._settings = link, settings
+        self._inbox, self._outbox = inbox, outbox
+        self._dispatch = Dispatch(settings.node_ids)
+        self._tracks = self._dispatch.tracks
+        self._ids = tuple(pdo.RPDO1 + node for node in settings.node_ids)
+        beat = (pdo.HEARTBEAT + settings.host_node, bytes((pdo.NmtState.OPERATIONAL,)))
+        self._sync: tuple[Frame, ...] = ((pdo.SYNC, b""),)
+        self._sync_and_beat: tuple[Frame, ...] = (*self._sync, beat)
+        self._seen = Observation()
+        self._motion: Motion | None = None
+        self._setpoint, self._words = _ZEROS, _ZEROS
+        self._sent = deque([_ZEROS] * (SETPOINT_DELAY + 1), SETPOINT_DELAY + 1)
+        self._pace = (0.0, 0.0, Phase.HOLD, MotionState.NONE)  # path time, rate, of this cycle
+        self._outputs = [0] * AXES
+        self._due: list[Frame] = []
+        self._told: set[tuple[Condition, int, int]] = set()
+        self._reaction = Reaction.NONE
+        self._power, self._enabled = Power.SILENT, False
+        self._cycle = self._time = self._lateness = self._skipped = self._run = 0
+        self._life = self._leaving = 0
+        self._unsent = self._link_dead = False
+        self.done = False
+
+    def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
+        """Do one cycle.
+
+        Args:
+            number: Of this cycle; skipped ones count.
+            time: Now [ns].
+            lateness: How long after its deadline it begins [ns].
+            skipped: How many cycles before it were left out.
+        """
+        self._unsent = False
+        every = self._settings.heartbeat_every
+        beat = number // every != self._cycle // every
+        self._transmit(self._sync_and_beat if beat else self._sync)
+        self._listen(1 + skipped)
+        if self._cycle:
+            self._record()
+        self._cycle, self._time, self._lateness, self._skipped = number, time, lateness, skipped
+        for order, argument, value in self._inbox.orders():
+            self._obey(Command(order), argument, value)
+        self._supervise()
+        self._move()
+        self._command()
+        self._seen.unsent = self._seen.unsent + 1 if self._unsent else 0
+
+    def tell(
+        self, kind: Happening, axis: int = 0, detail: int = 0, code: int = 0, value: float = 0.0
+    ) -> None:
+        """Record an event of this cycle."""
+        self._outbox.put_event(EventEntry(self._cycle, self._time, kind, axis, detail, code, value))
+
+    # The bus
+
+    def _transmit(self, frames: Sequence[Frame]) -> None:
+        try:
+            if self._link_dead:
+                raise BusError("the bus has failed")
+            self._link.send(frames)
+        except BusError:
+            self._unsent = True
+
+    def _listen(self, cycles: int) -> None:
+        try:
+            if not self._link_dead:
+                self._dispatch.take(self._link.receive())
+        except BusError:
+            self._link_dead = True
+        for track in self._tracks:
+            track.end_of_cycle(cycles)
+
+    def _record(self) -> None:
+        """Write the record of the cycle before, whose feedback has just come."""
+        tracks = self._tracks
+        path_time, rate, phase, state = self._pace
+        missing = sum(1 << i for i, track in enumerate(tracks) if track.missing)
+        reached = self._sent[0] if self._enabled else [track.actual for track in tracks]
+        self._outbox.put_cycle(
+            CycleEntry(
+                self._cycle, self._time, self._lateness, self._skipped, path_time, rate,
+                *self._setpoint,
+                *(track.actual for track in tracks),
+                *(track.actual - at for track, at in zip(tracks, reached, strict=True)),
+                *self._words,
+                *(track.statusword for track in tracks),
+                phase, missing, state, self._power, self._run,
+            )
+        )  # fmt: skip
+
+    # What the host wants
+
+    def _obey(self, order: Command, argument: int, value: float) -> None:
+        if order is Command.POWER:
+            self._switch(Power(argument))
+        elif order is Command.RUN:
+            self._start(argument, value)
+        elif order is Command.FORGET:
+            self._told.clear()
+            self._reaction = Reaction.NONE
+        elif order is Command.OUTPUTS:
+            self._set_outputs(argument, int(value))
+        elif order is Command.CLOSE:
+            self.done = True
+        elif order is Command.QUICK_STOP:
+            self._seen.pressed = True
+        elif self._motion is not None:
+            self._pace_motion(self._motion, order, value)
+
+    def _pace_motion(self, motion: Motion, order: Command, value: float) -> None:
+        if order is Command.HOLD:
+            motion.hold()
+        elif order is Command.RESUME:
+            motion.resume()
+        elif order is Command.OVERRIDE:
+            motion.set_override(value)
+        elif order is Command.STOP:
+            motion.stop()
+        self.tell(Happening.ORDER, detail=order, value=value)
+
+    def _switch(self, power: Power) -> None:
+        """Change the goal of the drives' power; what is latched forbids to switch it on."""
+        on = power in (Power.ON, Power.HOMING)
+        if self._motion is not None or (on and self._reaction is not Reaction.NONE):
+            self.tell(Happening.REFUSED, detail=Command.POWER)
+            return
+        self._power = power
+        self._enabled = self._enabled and on
+        self.tell(Happening.POWER, detail=power, value=float(self._enabled))
+
+    def _start(self, number: int, override: float) -> None:
+        """Begin a program, if everything is as it must be; tell if it is not."""
+        program = self._inbox.program(number)
+        ready = self._enabled and self._power is Power.ON and self._reaction is Reaction.NONE
+        if program is None or not ready or self._motion is not None:
+            self.tell(Happening.REFUSED, detail=Command.RUN, value=number)
+        elif axis := program.fence.refuses(program.first, self._setpoint):
+            self.tell(Happening.REFUSED, axis=axis, detail=Command.RUN, value=number)
+        else:
+            self._motion, self._run = Motion(program, override), number
+            self.tell(Happening.STARTED, detail=program.phase, value=number)
+
+    def _set_outputs(self, axis: int, word: int) -> None:
+        self._outputs[axis] = word
+        node = self._settings.node_ids[axis]
+        self._due.append((pdo.RPDO2 + node, pdo.OUTPUTS.pack(word)))
+        self.tell(Happening.OUTPUT, axis=axis + 1, code=word)
+
+    # When and how to stop
+
+    def _supervise(self) -> None:
+        if self._skipped:
+            self.tell(Happening.LATE, value=self._skipped)
+        self._observe()
+        if self._power is not Power.SILENT:
+            self._judge()
+        elif self._seen.parent_gone:
+            self.done = True
+        self._seen.pressed = False
+
+    def _observe(self) -> None:
+        seen, motion = self._seen, self._motion
+        for i, track in enumerate(self._tracks):
+            for code in track.emergencies:
+                self.tell(Happening.EMERGENCY, axis=i + 1, code=code)
+            view = seen.axes[i]
+            track.fill(view)
+            view.following = abs(track.actual - self._sent[0][i]) if self._enabled else 0
+            if self._power is Power.HOMING:
+                view.statusword = view.following = 0  # bits 12 and 13 mean something else there
+        seen.enabled = self._enabled
+        seen.moving = motion is not None
+        seen.late = seen.late + self._skipped if self._skipped else 0
+        seen.bus_failed = self._link_dead or self._dispatch.bus_failed
+        seen.parent_gone = self._inbox.host_gone
+        life = self._outbox.signs_of_life
+        seen.parent = seen.parent + 1 + self._skipped if life == self._life else 0
+        self._life = life
+
+    def _judge(self) -> None:
+        """React to every condition that is met, once, and only ever more strongly."""
+        for trip in assess(self._seen, self._settings.policy):
+            key = (trip.condition, trip.axis, trip.code)
+            if key not in self._told:
+                self._told.add(key)
+                detail = _CONDITIONS[trip.condition]
+                self.tell(Happening.TRIP, trip.axis, detail, trip.code, float(trip.reaction))
+            if trip.reaction > self._reaction:
+                self._reaction = trip.reaction
+                if trip.reaction is Reaction.QUICK_STOP:
+                    self._end_motion(Happening.STOPPED)
+                    self._power, self._enabled = Power.QUICK_STOP, False
+                elif self._motion is not None:
+                    self._motion.stop()
+
+    def _end_motion(self, kind: Happening) -> None:
+        if self._motion is not None:
+            self.tell(kind, value=self._motion.path_time)
+            self._motion = None
+
+    def _leave(self) -> None:
+        """Once the host is gone and everything stands: power off, wait for the drives, end."""
+        self._leaving += (1 + self._skipped) * self._settings.cycle
+        if self._reaction is not Reaction.QUICK_STOP or self._leaving > _BRAKING * 1e9:
+            self._power, self._enabled = Power.OFF, False
+        off = all_in(self._tracks, State.SWITCH_ON_DISABLED)
+        self.done = self._leaving > (_BRAKING + _LEAVING) * 1e9 or (
+            off and self._power is Power.OFF
+        )
+
+    # Setpoints
+
+    def _move(self) -> None:
+        if self._motion is not None:
+            self._advance(self._motion)
+        if self._motion is None:
+            self._pace = (self._pace[0], 0.0, Phase.HOLD, MotionState.NONE)
+            self._stand()
+            if self._seen.parent_gone:
+                self._leave()
+
+    def _advance(self, motion: Motion) -> None:
+        """Take the motion's next setpoint; a gap is bridged, unless it is why we stop."""
+        gap = self._skipped if self._seen.late < self._settings.policy.late else 0
+        target = motion.advance(1 + gap)
+        refused = motion.program.fence.refuses(target, self._setpoint, 1 + gap)
+        if refused:
+            self._seen.refused = refused
+            self._judge()
+            return
+        self._setpoint = target
+        state = motion.state
+        stopping = state in (MotionState.STOPPING, MotionState.STOPPED)
+        phase = Phase.STOP if stopping else motion.program.phase
+        self._pace = (motion.path_time, motion.rate, phase, state)
+        self._act(motion)
+        if state in OVER:
+            finished = state is MotionState.FINISHED
+            kind = Happening.FINISHED if finished else Happening.STOPPED
+            self.tell(kind, value=motion.path_time)
+            self._motion = None
+
+    def _act(self, motion: Motion) -> None:
+        """Do what the path asks for here: outputs, and the end of waits."""
+        for action in motion.due():
+            axis = action.axis - 1
+            mask = 1 << action.bit
+            word = self._outputs[axis] | mask if action.value else self._outputs[axis] & ~mask
+            self._set_outputs(axis, word)
+        if (wait := motion.wait) is None:
+            return
+        if bool(self._tracks[wait.axis - 1].inputs >> wait.bit & 1) == wait.value:
+            self.tell(Happening.INPUT, wait.axis, wait.bit, value=motion.waited)
+            motion.go_on()
+        elif motion.waited >= wait.timeout:
+            self.tell(Happening.INPUT_TIMEOUT, wait.axis, wait.bit, value=motion.waited)
+            motion.stop()
+
+    def _stand(self) -> None:
+        """Hold the setpoint where drives are on, and keep it at the actual position elsewhere."""
+        if self._power is Power.ON and not self._enabled:
+            self._enabled = all_in(self._tracks, State.OPERATION_ENABLED)
+            if self._enabled:
+                self.tell(Happening.POWER, detail=Power.ON, value=1.0)
+        elif self._power is Power.ON:
+            return
+        on = State.OPERATION_ENABLED if self._power is Power.ON else None
+        first, second, third = (
+            old if track.state is on else track.actual
+            for old, track in zip(self._setpoint, self._tracks, strict=True)
+        )
+        self._setpoint = (first, second, third)
+
+    def _command(self) -> None:
+        """Send the controlwords and setpoints of this cycle, and outputs that are due."""
+        frames = self._due
+        if self._power is not Power.SILENT:
+            first, second, third = (
+                controlword(self._power, track.state, self._cycle) for track in self._tracks
+            )
+            self._words = (first, second, third)
+            pack = pdo.SETPOINT.pack
+            frames = [
+                (identifier, pack(word, target))
+                for identifier, word, target in zip(
+                    self._ids, self._words, self._setpoint, strict=True
+                )
+            ] + frames
+        self._sent.append(self._setpoint)
+        if frames:
+            self._transmit(frames)
+            self._due = []
+
+
+def run_cycles(streamer: Streamer, clock: Clock, period: int) -> None:
+    """Run cycles on absolute deadlines until the streamer is done.
+
+    A cycle that begins more than a period late has missed the next ones: they are skipped, and
+    the schedule stays what it was. Nothing is ever sent twice to catch up.
+
+    Args:
+        streamer: What to run.
+        clock: Whose deadlines.
+        period: Of the cycle [ns].
+    """
+    deadline, number = clock.now() + period, 0
+    while not streamer.done:
+        clock.sleep_until(deadline)
+        now = clock.now()
+        lateness = now - deadline
+        skipped = lateness // period
+        deadline += (1 + skipped) * period
+        number += 1 + skipped
+        streamer.cycle(number, now, lateness, skipped)

@@ -1,0 +1,131 @@
+"""What has been heard of each drive."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+from duoglide.control.link import ERROR_FRAME, Frame, is_fatal
+from duoglide.control.supervise import AxisView
+from duoglide.drives import pdo
+from duoglide.drives.cia402 import State
+from duoglide.drives.cia402 import decode as decode_state
+from duoglide.errors import DriveError
+
+_NO_NMT = -1
+
+
+class AxisTrack:
+    """The last words of one drive.
+
+    Attributes:
+        statusword: 0x6041.
+        actual: 0x6064 [increments].
+        state: Decoded statusword; None where it matches no state.
+        inputs: 0x60FD.
+        mode: 0x6061.
+        nmt: NMT state of its last heartbeat; -1 before the first.
+        missing: Cycles in a row without feedback.
+        silence: Cycles since its last heartbeat.
+        heard: Whether feedback has ever come.
+    """
+
+    __slots__ = (
+        "_feedback", "actual", "boots", "emergencies", "heard", "inputs", "missing", "mode",
+        "nmt", "silence", "state", "statusword",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.statusword = 0
+        self.actual = 0
+        self.state: State | None = State.NOT_READY_TO_SWITCH_ON
+        self.inputs = 0
+        self.mode = 0
+        self.nmt = _NO_NMT
+        self.missing = 0
+        self.silence = 0
+        self.heard = False
+        self.boots = 0
+        self.emergencies: deque[int] = deque(maxlen=16)
+        self._feedback: deque[bytes] = deque(maxlen=8)
+
+    def on_feedback(self, data: bytes) -> None:
+        """Keep a TPDO1 for the next ``end_of_cycle``."""
+        if len(data) >= pdo.FEEDBACK.size:
+            self._feedback.append(data)
+
+    def on_inputs(self, data: bytes) -> None:
+        """Read a TPDO2."""
+        if len(data) >= pdo.INPUTS.size:
+            self.inputs, self.mode = pdo.INPUTS.unpack_from(data)
+
+    def on_emergency(self, data: bytes) -> None:
+        """Read an EMCY; short ones count too."""
+        self.emergencies.append(pdo.unpack_emergency(data).code)
+
+    def on_heartbeat(self, data: bytes) -> None:
+        """Read a heartbeat or boot-up."""
+        state = data[0] & 0x7F if data else _NO_NMT
+        self.silence = 0
+        if state == pdo.NmtState.BOOT_UP:
+            self.boots += 1
+        self.nmt = state
+
+    def end_of_cycle(self, cycles: int) -> None:
+        """Take the feedback that belongs to the SYNC before the one just sent.
+
+        A second one in the same cycle answers the SYNC just sent (this process was held up) and is
+        kept; but after a gap it is the late answer that is passed over.
+        """
+        self.silence += cycles
+        queue = self._feedback
+        if not queue:
+            self.missing += cycles
+            return
+        if self.missing or len(queue) > 2:
+            while len(queue) > 1:
+                queue.popleft()
+        self.missing, self.heard = 0, True
+        self.statusword, self.actual = pdo.FEEDBACK.unpack_from(queue.popleft())
+        try:
+            self.state = decode_state(self.statusword)
+        except DriveError:
+            self.state = None
+
+    def fill(self, view: AxisView) -> None:
+        """Write what the supervisor wants to know; empties the emergencies and boot-ups."""
+        view.state, view.statusword = self.state, self.statusword
+        view.missing, view.heartbeat = self.missing, self.silence
+        view.nmt = self.nmt if self.nmt != _NO_NMT else pdo.NmtState.OPERATIONAL
+        view.booted, self.boots = self.boots > 0, 0
+        view.emergency = next((code for code in self.emergencies if code), 0)
+        self.emergencies.clear()
+
+
+class Dispatch:
+    """Hands received frames to the tracks of three drives.
+
+    Args:
+        node_ids: Of the drives, in the order of the carriages.
+    """
+
+    def __init__(self, node_ids: Iterable[int]) -> None:
+        self.tracks = tuple(AxisTrack() for _ in node_ids)
+        self.bus_failed = False
+        self.error_frames = 0
+        self._handlers = {}
+        for node, track in zip(node_ids, self.tracks, strict=True):
+            self._handlers[pdo.TPDO1 + node] = track.on_feedback
+            self._handlers[pdo.TPDO2 + node] = track.on_inputs
+            self._handlers[pdo.EMCY + node] = track.on_emergency
+            self._handlers[pdo.HEARTBEAT + node] = track.on_heartbeat
+
+    def take(self, frames: Iterable[Frame]) -> None:
+        """Read frames in the order in which they came; strangers are passed over."""
+        for identifier, data in frames:
+            handler = self._handlers.get(identifier)
+            if handler is not None:
+                handler(data)
+            elif identifier == ERROR_FRAME:
+                self.error_frames += 1
+                self.bus_failed = self.bus_failed or is_fatal(data)
