@@ -1,0 +1,171 @@
+"""Path speed: how far along its curve a motion is at every instant.
+
+A profile is given by knots: time, path parameter sigma, and its first two derivatives. Between two
+knots sigma is the one polynomial of degree 5 that meets both, so that sigma is twice continuously
+differentiable by construction, and the knots alone, as float64, say everything.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duoglide.arrays import FloatArray, as_floats, read_only
+from duoglide.errors import InputError
+
+Polynomial: TypeAlias = tuple[float, float, float, float, float, float]
+
+TIME, SIGMA, SPEED, ACCELERATION = range(4)  # columns of the knots
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """sigma(t) through knots, in pieces of degree 5, C2.
+
+    Attributes:
+        knots: One row a knot: time [s], sigma [mm], d sigma/dt [mm/s], d2 sigma/dt2 [mm/s^2];
+            shape (n + 1, 4). The first time is 0, times increase, sigma never falls.
+
+    Raises:
+        InputError: Not such an array.
+    """
+
+    knots: FloatArray
+    _polynomials: FloatArray = field(init=False, repr=False)
+    _times: list[float] = field(init=False, repr=False)
+    _rows: list[Polynomial] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        knots = read_only(as_floats(self.knots, "knots"))
+        if knots.ndim != 2 or knots.shape[1] != 4 or len(knots) < 2:
+            raise InputError(f"knots must have shape (n + 1, 4) with n >= 1, got {knots.shape}")
+        if knots[0, TIME] != 0.0 or np.any(np.diff(knots[:, TIME]) <= 0.0):
+            raise InputError("times of knots must begin at 0 and increase")
+        if np.any(np.diff(knots[:, SIGMA]) < 0.0):
+            raise InputError("sigma must not fall from knot to knot")
+        polynomials = hermite(knots)
+        store = object.__setattr__
+        store(self, "knots", knots)
+        store(self, "_polynomials", polynomials)
+        store(self, "_times", knots[:-1, TIME].tolist())
+        store(self, "_rows", [tuple(row) for row in polynomials.tolist()])
+
+    @property
+    def duration(self) -> float:
+        """Time of the last knot [s]."""
+        return float(self.knots[-1, TIME])
+
+    @property
+    def end(self) -> float:
+        """Sigma at the end [mm]."""
+        return float(self.knots[-1, SIGMA])
+
+    def at(self, t: ArrayLike) -> FloatArray:
+        """Return sigma and its three time derivatives, shape (..., 4); clamped to both ends.
+
+        At a knot, where the third derivative may jump, it is the later piece's.
+        """
+        time = np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
+        piece = np.searchsorted(self.knots[1:-1, TIME], time, side="right")
+        return evaluate(self._polynomials[piece], time - self.knots[piece, TIME])
+
+    def at_time(self, t: float) -> tuple[float, float, float, float]:
+        """Do what ``at`` does for one time, without numpy: for the stream's cycle."""
+        t = min(max(t, 0.0), self.duration)
+        piece = max(bisect_right(self._times, t) - 1, 0)
+        u = t - self._times[piece]
+        c0, c1, c2, c3, c4, c5 = self._rows[piece]
+        return (
+            c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5)))),
+            c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * (5.0 * c5)))),
+            2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * (20.0 * c5))),
+            6.0 * c3 + u * (24.0 * c4 + u * (60.0 * c5)),
+        )
+
+    def within_pieces(self, points: int) -> tuple[FloatArray, FloatArray]:
+        """Evaluate at ``points`` evenly spaced times of each piece, both of its ends included.
+
+        The ends belong to the piece on both sides, with that piece's third derivative.
+
+        Returns:
+            The times (n, points), and sigma with its derivatives there (n, points, 4).
+        """
+        span = np.diff(self.knots[:, TIME])[:, None]
+        u = np.linspace(0.0, 1.0, points) * span
+        return self.knots[:-1, TIME, None] + u, evaluate(self._polynomials[:, None, :], u)
+
+    def time_at(self, sigma: float) -> float:
+        """Return the first time at which sigma is reached [s]; clamped to both ends."""
+        column = self.knots[:, SIGMA]
+        if sigma <= column[0]:
+            return 0.0
+        if sigma > column[-1]:
+            return self.duration
+        high = int(np.searchsorted(column, sigma, side="left"))
+        if column[high] == sigma:
+            return float(self.knots[high, TIME])
+        low, top = (float(self.knots[k, TIME]) for k in (high - 1, high))
+        while True:
+            middle = 0.5 * (low + top)
+            if not low < middle < top:
+                return top
+            low, top = (middle, top) if self.at_time(middle)[0] < sigma else (low, middle)
+
+    def stretched(self, factor: float) -> Profile:
+        """Return the same motion with every time multiplied by ``factor``."""
+        return Profile(self.knots * np.array([factor, 1.0, 1.0 / factor, 1.0 / factor**2]))
+
+    @staticmethod
+    def joined(parts: Sequence[Profile]) -> Profile:
+        """Return one profile after the other; each begins in the state where the last one ends."""
+        rows = [parts[0].knots]
+        for part in parts[1:]:
+            later = part.knots[1:].copy()
+            later[:, TIME] += rows[-1][-1, TIME]
+            rows.append(later)
+        return Profile(np.concatenate(rows))
+
+    @staticmethod
+    def rest(sigma: float, seconds: float) -> Profile:
+        """Return a dwell at ``sigma``."""
+        return Profile(np.array([[0.0, sigma, 0.0, 0.0], [seconds, sigma, 0.0, 0.0]]))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Profile) and self.knots.tobytes() == other.knots.tobytes()
+
+    def __hash__(self) -> int:
+        return hash(self.knots.tobytes())
+
+
+def hermite(knots: FloatArray) -> FloatArray:
+    """Return the coefficients of each piece in rising powers of time since its knot, (n, 6)."""
+    h = np.diff(knots[:, TIME])
+    s0, v0, a0 = knots[:-1, 1:].T
+    s1, v1, a1 = knots[1:, 1:].T
+    way = (s1 - s0) - h * (v0 + 0.5 * h * a0)
+    speed = h * ((v1 - v0) - h * a0)
+    rate = 0.5 * h * h * (a1 - a0)
+    c3 = (10.0 * way - 4.0 * speed + rate) / h**3
+    c4 = (-15.0 * way + 7.0 * speed - 2.0 * rate) / h**4
+    c5 = (6.0 * way - 3.0 * speed + rate) / h**5
+    return np.column_stack([s0, v0, 0.5 * a0, c3, c4, c5])
+
+
+def evaluate(polynomials: FloatArray, u: FloatArray) -> FloatArray:
+    """Return polynomials (..., 6) and three derivatives at ``u`` (...), shape (..., 4)."""
+    c0, c1, c2, c3, c4, c5 = np.moveaxis(polynomials, -1, 0)
+    result: FloatArray = np.stack(
+        [
+            c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5)))),
+            c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * (5.0 * c5)))),
+            2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * (20.0 * c5))),
+            6.0 * c3 + u * (24.0 * c4 + u * (60.0 * c5)),
+        ],
+        axis=-1,
+    )
+    return result

@@ -1,0 +1,216 @@
+"""The motion of the three carriages in time: what is streamed, logged and replayed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duoglide.arrays import FloatArray, as_floats, as_number
+from duoglide.errors import InputError
+from duoglide.machine import Machine
+from duoglide.motion.actions import Action, action_from_dict
+from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
+from duoglide.motion.checked import CheckedPath
+from duoglide.motion.profile import ACCELERATION, SPEED, Profile
+from duoglide.motion.stopping import StopBounds
+from duoglide.motion.timing_report import TimingReport
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from duoglide.motion.audit import Audit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """State of the carriages at one time, or at many.
+
+    Attributes:
+        carriages: Positions along the rails [mm], shape (..., 3).
+        velocity: [mm/s], shape (..., 3).
+        acceleration: [mm/s^2], shape (..., 3).
+        jerk: [mm/s^3], shape (..., 3).
+    """
+
+    carriages: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Trajectory:
+    """A certified curve with a profile on it; evaluated exactly, by the chain rule.
+
+    Attributes:
+        path: The curve of the carriages.
+        profile: How far along it the motion is, by time.
+        stops: How fast the rate of the motion may be changed while it runs.
+        actions: What to do on the way: (time [s], action), in order.
+        report: How the timing came about.
+    """
+
+    path: CarriagePath
+    profile: Profile
+    stops: StopBounds
+    actions: tuple[tuple[float, Action], ...] = ()
+    report: TimingReport = field(default_factory=TimingReport)
+
+    @property
+    def machine(self) -> Machine:
+        """The machine that this was planned for."""
+        return self.path.machine
+
+    @property
+    def duration(self) -> float:
+        """How long the motion takes [s]."""
+        return self.profile.duration
+
+    @property
+    def starts_at_rest(self) -> bool:
+        """Whether velocity and acceleration are zero at the start."""
+        return not self.profile.knots[0, SPEED : ACCELERATION + 1].any()
+
+    @property
+    def ends_at_rest(self) -> bool:
+        """Whether velocity and acceleration are zero at the end."""
+        return not self.profile.knots[-1, SPEED : ACCELERATION + 1].any()
+
+    @property
+    def start(self) -> FloatArray:
+        """Carriages at the start [mm], shape (3,)."""
+        return self.at(0.0).carriages
+
+    @property
+    def end(self) -> FloatArray:
+        """Carriages at the end [mm], shape (3,)."""
+        return self.at(self.duration).carriages
+
+    def at(self, t: float | ArrayLike) -> State:
+        """Return the state at time ``t``, clamped to both ends.
+
+        Args:
+            t: Time from the start [s], any shape (...).
+
+        Raises:
+            InputError: Not a finite number.
+        """
+        if isinstance(t, float) and isfinite(t):
+            sigma, speed, rate, third = self.profile.at_time(t)
+        else:
+            motion = self.profile.at(as_floats(t, "t"))
+            sigma, speed, rate, third = (motion[..., k, None] for k in range(4))
+            sigma = sigma[..., 0]
+        return _chain(self.path.derivatives(sigma), speed, rate, third)
+
+    def position_at(self, t: ArrayLike) -> FloatArray:
+        """Return the platform centre O' in the base frame at time ``t`` [mm], shape (..., 3).
+
+        Raises:
+            InputError: Not a finite number.
+        """
+        sigma = self.profile.at(as_floats(t, "t"))[..., 0]
+        return self.path.curve.derivatives(sigma)[..., 0, :]
+
+    def sample(self, period: float) -> tuple[FloatArray, State]:
+        """Return evenly spaced times from 0, with the end as the last one, and the states there.
+
+        Args:
+            period: Between two samples [s]; the last step may be shorter.
+
+        Raises:
+            InputError: Not a finite number above zero.
+        """
+        step = as_number(period, "period")
+        if step <= 0.0:
+            raise InputError(f"period = {step:g} s: must be above zero")
+        count = int(np.ceil(self.duration / step * (1.0 - 1e-12)))
+        times = np.minimum(np.arange(count + 1) * step, self.duration)
+        return times, self.at(times)
+
+    def audit(self) -> Audit:
+        """Measure the worst use of each limit on finite differences of the positions, at 20 kHz.
+
+        The step is longer where the limits are so low that rounding would look like jerk.
+        """
+        from duoglide.motion.audit import audit
+
+        return audit(self)
+
+    def to_document(self) -> dict[str, Any]:
+        """Return plain numbers, text and lists that ``from_document`` reads back exactly."""
+        return {
+            "checked": self.path.checked.to_dict(),
+            "profile": self.profile.knots.tolist(),
+            "stops": self.stops.to_dict(),
+            "actions": [[t, action.to_dict()] for t, action in self.actions],
+            "report": self.report.to_dict(),
+        }
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> Trajectory:
+        """Rebuild the trajectory that ``to_document`` described, to the last bit.
+
+        Raises:
+            InputError: Not such a document.
+            ConfigError: Its machine breaks a rule.
+        """
+        try:
+            return cls(
+                path=map_to_carriages(CheckedPath.from_dict(document["checked"])),
+                profile=Profile(document["profile"]),
+                stops=StopBounds.from_dict(document["stops"]),
+                actions=tuple((float(t), action_from_dict(a)) for t, a in document["actions"]),
+                report=TimingReport.from_dict(document["report"]),
+            )
+        except (KeyError, TypeError) as error:
+            raise InputError(f"not a trajectory: {error!r}") from error
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the plan to an MCAP file, with samples of the motion for pictures.
+
+        Raises:
+            LogError: The file cannot be written.
+        """
+        from duoglide.motion.plan_file import save
+
+        save(self, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Trajectory:
+        """Read the plan from an MCAP file: a plan, or a run, which holds its plan.
+
+        Raises:
+            LogError: The file cannot be read, or holds no plan.
+        """
+        from duoglide.motion.plan_file import load
+
+        return load(path)
+
+    def plot(self) -> Figure:
+        """Draw the carriages, velocities, accelerations and jerks against their limits."""
+        from duoglide.motion.trajectory_plot import plot
+
+        return plot(self)
+
+    def __repr__(self) -> str:
+        note = f", {self.report.method.value}: {self.report.reason}" if self.report.reason else ""
+        return f"Trajectory({self.duration:.4f} s, {self.path.curve.length:.4g} mm{note})"
+
+
+def _chain(q: FloatArray, speed: Any, rate: Any, third: Any) -> State:
+    """Differentiate q(sigma(t)) by time, by the chain rule."""
+    q1, q2, q3 = q[..., 1, :], q[..., 2, :], q[..., 3, :]
+    square = speed * speed
+    return State(
+        q[..., 0, :],
+        q1 * speed,
+        q1 * rate + q2 * square,
+        q1 * third + q2 * (3.0 * speed * rate) + q3 * (square * speed),
+    )

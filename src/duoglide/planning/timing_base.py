@@ -1,0 +1,48 @@
+"""A first motion along a curve: rest to rest in seven phases of constant third derivative."""
+
+from __future__ import annotations
+
+from math import cbrt, sqrt
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.motion.profile import Profile
+
+
+def seven_phases(start: float, end: float, bounds: tuple[float, float, float]) -> Profile:
+    """Return the quickest motion from rest to rest under constant bounds.
+
+    Args:
+        start: Where it begins [mm].
+        end: Where it ends, further on [mm].
+        bounds: Of the three derivatives of sigma [mm/s, mm/s^2, mm/s^3].
+    """
+    speed, acceleration, jerk = bounds
+    length = end - start
+    ramp = min(acceleration / jerk, sqrt(speed / jerk), cbrt(length / (2.0 * jerk)))
+    top = min(acceleration, jerk * ramp)
+    # The longest plateau of acceleration that neither speed nor length forbids.
+    by_speed = speed / top - ramp
+    by_length = 0.5 * (sqrt(ramp * ramp + 4.0 * length / top) - 3.0 * ramp)
+    plateau = max(0.0, min(by_speed, by_length)) if top >= acceleration else 0.0
+    reached = top * (ramp + plateau)
+    cruise = max(0.0, length / reached - (2.0 * ramp + plateau))
+    third = (jerk, 0.0, -jerk, 0.0, -jerk, 0.0, jerk)
+    lasts = (ramp, plateau, ramp, cruise, ramp, plateau, ramp)
+    knots = [(0.0, start, 0.0, 0.0)]
+    shortest = 1e-9 * sum(lasts)
+    for h, j in zip(lasts, third, strict=True):
+        if h <= shortest:
+            continue
+        t, s, v, a = knots[-1]
+        way = s + h * (v + h * (a / 2.0 + h * j / 6.0))
+        knots.append((t + h, way, v + h * (a + h * j / 2.0), a + h * j))
+    return Profile(_closed(np.array(knots), end))
+
+
+def _closed(knots: FloatArray, end: float) -> FloatArray:
+    """Put the last knot exactly at rest at the end, and no knot beyond it."""
+    knots[-1, 1:] = (end, 0.0, 0.0)
+    knots[:, 1] = np.minimum(knots[:, 1], end)
+    return knots
