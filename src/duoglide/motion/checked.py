@@ -37,8 +37,8 @@ class LeastMargin:
 
     def __str__(self) -> str:
         return (
-            f"{self.family}: {self.margin:.6g} mm (needs {self.required:g}) at {show(self.position)}"
-            f" mm, {self.arc_length:.6g} mm along"
+            f"{self.family}: {self.margin:.6g} mm (needs {self.required:g}),"
+            f" {self.arc_length:.6g} mm along, at {show(self.position)} mm"
         )
 
 
@@ -137,7 +137,7 @@ class CheckedPath:
             ConfigError: The machine breaks a rule.
         """
         try:
-            least = [LeastMargin(*row[:5], position=tuple(row[5])) for row in table["report"]]
+            least = [LeastMargin(f, m, r, s, a, tuple(p)) for f, m, r, s, a, p in table["report"]]
             return cls(
                 machine=Machine.from_dict(table["machine"]),
                 path=Path.from_dict(table["path"]),

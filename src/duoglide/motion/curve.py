@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from duoglide.arrays import FloatArray, as_floats, read_only
+from duoglide.arrays import BoolArray, FloatArray, as_floats, read_only
 from duoglide.errors import InputError
 
 DERIVATIVES = 4  # position and three derivatives
@@ -175,10 +175,11 @@ class Curve:
         return read_only(np.concatenate([[0.0], np.cumsum(lengths)]))
 
     @cached_property
-    def _is_unit(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    def _is_unit(self) -> BoolArray:
         """Whether sigma is arc length on the piece: lines and arcs."""
-        bent: np.ndarray[Any, np.dtype[np.bool_]] = self.coefficients[:, 2:].any(axis=(1, 2))
-        return (self.rates > 0.0) | ~bent
+        bend = np.abs(self.coefficients[:, 2:]).max(axis=(1, 2))
+        unit: BoolArray = (self.rates > 0.0) | (bend == 0.0)
+        return unit
 
     def _quadrature(self, local: FloatArray, index: Any) -> FloatArray:
         """Integrate |p'| over the first ``local`` mm of sigma of polynomial pieces."""

@@ -93,7 +93,7 @@ class Path:
     @classmethod
     def polyline(
         cls,
-        points: ArrayLike | Sequence[Point],
+        points: ArrayLike,
         tolerance: float = 0.0,
         *,
         blends: Sequence[Corner] | Blend | None = None,
@@ -110,7 +110,7 @@ class Path:
         Raises:
             InputError: Not points, or neighbours coincide, or a rule is broken.
         """
-        array = as_triples(points, "points")  # type: ignore[arg-type]  # a list of points is one
+        array = as_triples(points, "points")
         require_apart(array)
         corners: list[Point] = [(x, y, z) for x, y, z in array.tolist()]
         count = len(corners) - 1
@@ -118,11 +118,11 @@ class Path:
             blends = [as_number(tolerance, "tolerance [mm]")] * (count - 1)
         elif isinstance(blends, Blend):
             blends = [blends] * (count - 1)
-        speeds = [speed] * count if speed is None or np.ndim(speed) == 0 else list(speed)  # type: ignore[arg-type,list-item]
+        speeds = list(speed) if isinstance(speed, Sequence) else [speed] * count
         if len(speeds) != count:
             raise InputError(f"{count} segments need {count} speeds, got {len(speeds)}")
         lines = [
-            Line(a, b, as_speed(cap))  # type: ignore[arg-type]
+            Line(a, b, as_speed(cap))
             for a, b, cap in zip(corners[:-1], corners[1:], speeds, strict=True)
         ]
         return cls(tuple(lines), tuple(blends))
