@@ -145,7 +145,7 @@ def audit(trajectory: Trajectory) -> Audit:
         limiting=limiting,
         shares=_shares(limiting, peak),
         fallback=trajectory.report.reason,
-        least_clearance=trajectory.path.checked.report["clearance"].margin,
+        least_clearance=trajectory.path.least_clearance,
     )
 
 

@@ -38,6 +38,20 @@ class CarriagePath:
         """The curve of the platform's centre."""
         return self.checked.curve
 
+    @property
+    def length(self) -> float:
+        """How long the platform's path is [mm]."""
+        return self.checked.curve.length
+
+    @property
+    def least_clearance(self) -> float:
+        """Least distance to a singular surface or edge of reach on the path [mm]."""
+        return self.checked.report["clearance"].margin
+
+    def position(self, sigma: float | FloatArray) -> FloatArray:
+        """Return the platform centre O' in the base frame [mm], shape (..., 3)."""
+        return self.checked.curve.position(sigma)
+
     @cached_property
     def _constants(self) -> Constants:
         return pose_constants(self.checked.machine.geometry, WORKING)

@@ -17,14 +17,17 @@ from duoglide.machine import Machine
 from duoglide.motion.actions import Action, action_from_dict
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
 from duoglide.motion.checked import CheckedPath
-from duoglide.motion.profile import ACCELERATION, SPEED, Profile
+from duoglide.motion.profile import Profile
 from duoglide.motion.stopping import StopBounds
 from duoglide.motion.timing_report import TimingReport
+from duoglide.motion.transfer_path import TransferPath
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from duoglide.motion.audit import Audit
+
+_STILL = 1e-6  # mm/s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,14 +52,14 @@ class Trajectory:
     """A certified curve with a profile on it; evaluated exactly, by the chain rule.
 
     Attributes:
-        path: The curve of the carriages.
+        path: The curve of the carriages: along a checked path, or a transfer between poses.
         profile: How far along it the motion is, by time.
         stops: How fast the rate of the motion may be changed while it runs.
         actions: What to do on the way: (time [s], action), in order.
         report: How the timing came about.
     """
 
-    path: CarriagePath
+    path: CarriagePath | TransferPath
     profile: Profile
     stops: StopBounds
     actions: tuple[tuple[float, Action], ...] = ()
@@ -75,12 +78,12 @@ class Trajectory:
     @property
     def starts_at_rest(self) -> bool:
         """Whether velocity and acceleration are zero at the start."""
-        return not self.profile.knots[0, SPEED : ACCELERATION + 1].any()
+        return _rests(self.at(0.0))
 
     @property
     def ends_at_rest(self) -> bool:
         """Whether velocity and acceleration are zero at the end."""
-        return not self.profile.knots[-1, SPEED : ACCELERATION + 1].any()
+        return _rests(self.at(self.duration))
 
     @property
     def start(self) -> FloatArray:
@@ -102,12 +105,11 @@ class Trajectory:
             InputError: Not a finite number.
         """
         if isinstance(t, float) and isfinite(t):
-            sigma, speed, rate, third = self.profile.at_time(t)
-        else:
-            motion = self.profile.at(as_floats(t, "t"))
-            sigma, speed, rate, third = (motion[..., k, None] for k in range(4))
-            sigma = sigma[..., 0]
-        return _chain(self.path.derivatives(sigma), speed, rate, third)
+            sigma, *rates = self.profile.at_time(t)
+            return _chain(self.path.derivatives(sigma), *rates)
+        motion = self.profile.at(as_floats(t, "t"))
+        speed, rate, third = (motion[..., k, None] for k in range(1, 4))
+        return _chain(self.path.derivatives(motion[..., 0]), speed, rate, third)
 
     def position_at(self, t: ArrayLike) -> FloatArray:
         """Return the platform centre O' in the base frame at time ``t`` [mm], shape (..., 3).
@@ -116,7 +118,7 @@ class Trajectory:
             InputError: Not a finite number.
         """
         sigma = self.profile.at(as_floats(t, "t"))[..., 0]
-        return self.path.curve.derivatives(sigma)[..., 0, :]
+        return self.path.position(sigma)
 
     def sample(self, period: float) -> tuple[FloatArray, State]:
         """Return evenly spaced times from 0, with the end as the last one, and the states there.
@@ -146,7 +148,7 @@ class Trajectory:
     def to_document(self) -> dict[str, Any]:
         """Return plain numbers, text and lists that ``from_document`` reads back exactly."""
         return {
-            "checked": self.path.checked.to_dict(),
+            **_describe(self.path),
             "profile": self.profile.knots.tolist(),
             "stops": self.stops.to_dict(),
             "actions": [[t, action.to_dict()] for t, action in self.actions],
@@ -163,7 +165,7 @@ class Trajectory:
         """
         try:
             return cls(
-                path=map_to_carriages(CheckedPath.from_dict(document["checked"])),
+                path=_path_of(document),
                 profile=Profile(document["profile"]),
                 stops=StopBounds.from_dict(document["stops"]),
                 actions=tuple((float(t), action_from_dict(a)) for t, a in document["actions"]),
@@ -201,7 +203,28 @@ class Trajectory:
 
     def __repr__(self) -> str:
         note = f", {self.report.method.value}: {self.report.reason}" if self.report.reason else ""
-        return f"Trajectory({self.duration:.4f} s, {self.path.curve.length:.4g} mm{note})"
+        return f"Trajectory({self.duration:.4f} s, {self.path.length:.4g} mm{note})"
+
+
+def _rests(state: State) -> bool:
+    """Whether nothing moves but by rounding."""
+    return bool(
+        np.abs(state.velocity).max() < _STILL and np.abs(state.acceleration).max() < 1e3 * _STILL
+    )
+
+
+def _describe(path: CarriagePath | TransferPath) -> dict[str, Any]:
+    """Describe the curve under a key that says which kind it is."""
+    if isinstance(path, TransferPath):
+        return {"transfer": path.to_dict()}
+    return {"checked": path.checked.to_dict()}
+
+
+def _path_of(document: Mapping[str, Any]) -> CarriagePath | TransferPath:
+    """Rebuild what ``_describe`` described."""
+    if "transfer" in document:
+        return TransferPath.from_dict(document["transfer"])
+    return map_to_carriages(CheckedPath.from_dict(document["checked"]))
 
 
 def _chain(q: FloatArray, speed: Any, rate: Any, third: Any) -> State:

@@ -1,0 +1,118 @@
+"""How much room the machine has where its carriages stand: for motions made in carriage space.
+
+Everything here takes carriages, finds the platform by forward kinematics, and never raises: where
+the links do not close, or close in another assembly mode, there is no room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.kinematics import _kernels as kernels
+from duoglide.kinematics.modes import ASSEMBLY, WORKING
+from duoglide.kinematics.singularity import clearance
+from duoglide.machine import Machine
+
+TOUCHING = 1e-7  # mm: what is within this of a bound touches it
+
+Motion = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""Carriages and their velocities at times (n,), each (n, 3)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """What is left beyond what the machine asks for, each in mm and of shape (...).
+
+    Attributes:
+        clearance: Distance to singular surfaces and edges of reach, less ``machine.clearance``;
+            -inf where the links do not close.
+        travel: Least distance of a carriage to the end of its rail.
+        order: Distance of carriages 1 and 2, less ``machine.carriage_width``.
+        keep_out: Distance to the nearest keep-out box; negative inside, +inf without boxes.
+    """
+
+    clearance: FloatArray
+    travel: FloatArray
+    order: FloatArray
+    keep_out: FloatArray
+
+    def least(self) -> FloatArray:
+        """Return the least of the four [mm], shape (...)."""
+        least: FloatArray = np.min([getattr(self, f.name) for f in fields(self)], axis=0)
+        return least
+
+    def worst(self) -> tuple[int, str, float]:
+        """Return index, name and value of the least entry of a flat room."""
+        index = int(np.argmin(self.least()))
+        values = {f.name: float(getattr(self, f.name)[index]) for f in fields(self)}
+        name = min(values, key=lambda key: values[key])
+        return index, name, values[name]
+
+
+def locate(machine: Machine, carriages: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Find the platform [mm], (..., 3), and where the links close in the machine's own modes."""
+    g = machine.geometry
+    k = kernels.carriage_constants(g, ASSEMBLY)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        x, y, z, sure = kernels.in_numpy(kernels.forward_pose)(
+            carriages[..., 0], carriages[..., 1], carriages[..., 2], k
+        )
+        B = carriages[..., 1] - carriages[..., 0] - g.coupler_length
+        h = np.sqrt((g.leg_length - 0.5 * B) * (g.leg_length + 0.5 * B))
+        lift = z - (g.carriage_height + g.riser_height + g.arm_drop) - h
+        closed = sure & (B > 0.0) & (lift * WORKING.v > 0.0)
+        closed &= carriages[..., 2] * WORKING.w3 > y * WORKING.w3
+    return np.stack([x, y, z], axis=-1), closed
+
+
+def room(machine: Machine, carriages: FloatArray) -> Room:
+    """Measure the room at carriages of shape (..., 3)."""
+    position, closed = locate(machine, carriages)
+    clear = np.full(closed.shape, -np.inf)
+    if closed.any():
+        clear[closed] = clearance(machine.geometry, position[closed]) - machine.clearance
+    keep_out = np.full(closed.shape, np.inf)
+    for box in machine.keep_out:
+        outside = np.maximum(np.array(box.low) - position, position - np.array(box.high))
+        keep_out = np.minimum(keep_out, np.nan_to_num(_box_distance(outside), nan=-np.inf))
+    return Room(
+        clearance=clear,
+        travel=machine.geometry.rail_half_length - np.abs(carriages).max(axis=-1),
+        order=carriages[..., 1] - carriages[..., 0] - machine.carriage_width,
+        keep_out=keep_out,
+    )
+
+
+def platform_speed(machine: Machine, carriages: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return how fast the platform moves [mm/s], shape (...); inf where the links do not close.
+
+    From the loop equations u^2 + A^2 = l6^2 and X^2 + Z^2 + q^2 = l9^2, differentiated.
+    """
+    g = machine.geometry
+    position, closed = locate(machine, carriages)
+    B = carriages[..., 1] - carriages[..., 0] - g.coupler_length
+    X = position[..., 0] + g.rail_half_spacing - g.platform_half_width
+    Z = position[..., 2] - g.strut_drop - g.carriage_height
+    u = position[..., 0] + g.platform_half_width - g.rail_half_spacing
+    with np.errstate(invalid="ignore", divide="ignore"):
+        h = np.sqrt((g.leg_length - 0.5 * B) * (g.leg_length + 0.5 * B))
+        A = position[..., 2] - (g.carriage_height + g.riser_height + g.arm_drop) - h
+        h_dot = -0.25 * B / h * (velocity[..., 1] - velocity[..., 0])
+        y_dot = 0.5 * (velocity[..., 0] + velocity[..., 1])
+        pull = -(carriages[..., 2] - position[..., 1]) * (velocity[..., 2] - y_dot)
+        turn = u * Z - A * X
+        x_dot = A * (Z * h_dot - pull) / turn
+        z_dot = (u * pull - A * X * h_dot) / turn
+        speed = np.sqrt(x_dot**2 + y_dot**2 + z_dot**2)
+    return np.where(closed, speed, np.inf)
+
+
+def _box_distance(outside: FloatArray) -> FloatArray:
+    """Return the signed distance to a box from how far outside its sides a point is (..., 3)."""
+    beyond = np.linalg.norm(np.maximum(outside, 0.0), axis=-1)
+    distance: FloatArray = beyond + np.minimum(outside.max(axis=-1), 0.0)
+    return distance

@@ -1,0 +1,104 @@
+"""Certify a motion made in carriage space: room at every instant, not only at samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import PathError
+from duoglide.machine import Machine
+from duoglide.motion.transfer_path import TransferPath
+from duoglide.planning._admissible import TOUCHING, locate, platform_speed, room
+
+FIRST_CELLS = 64
+_SPEED_RESERVE = 1.5  # how much faster than at its ends and middle the platform may be in a cell
+_FINEST = 2.0**-40  # of the duration
+
+
+def certify(machine: Machine, path: TransferPath) -> float:
+    """Require reach, clearance, travel, carriage order and keep-out along the whole of ``path``.
+
+    Travel and order are extremes of cubic polynomials: exact. Clearance and the distance to
+    keep-out boxes change by at most the way that the platform moves, so that a cell of time is
+    clear if its middle has more room than the platform covers in half of it; a cell that is not
+    is halved. The platform's speed in a cell is taken as 1.5 times its largest at ends and middle.
+
+    Returns:
+        The least distance to a singular surface or edge of reach that was seen [mm].
+
+    Raises:
+        PathError: Where, what and by how much.
+    """
+    _require_rails(machine, path)
+    edges = np.unique(
+        np.concatenate([path.breaks, np.linspace(0.0, path.duration, FIRST_CELLS + 1)])
+    )
+    low, high = edges[:-1], edges[1:]
+    least = np.inf
+    while low.size:
+        middle = 0.5 * (low + high)
+        states = path.derivatives(np.stack([low, middle, high]))
+        here = room(machine, states[1, :, 0])
+        left = np.minimum(here.clearance, here.keep_out)
+        least = min(least, float(here.clearance.min()))
+        if left.min() <= TOUCHING:
+            raise _refusal(machine, path, float(middle[np.argmin(left)]))
+        speed = platform_speed(machine, states[..., 0, :], states[..., 1, :]).max(axis=0)
+        unsure = left - _SPEED_RESERVE * speed * (middle - low) <= TOUCHING
+        low, high = (
+            np.concatenate([low[unsure], middle[unsure]]),
+            np.concatenate([middle[unsure], high[unsure]]),
+        )
+        if low.size and np.min(high - low) < _FINEST * path.duration:
+            raise _refusal(machine, path, float(low[0]))
+    return least + machine.clearance
+
+
+def _require_rails(machine: Machine, path: TransferPath) -> None:
+    """Require travel and carriage order at the extremes of the polynomials."""
+    table, spans = path.polynomials, np.diff(path.breaks)
+    columns = np.concatenate([table, (table[..., 1] - table[..., 0])[..., None]], axis=-1)
+    turns = _turning_times(columns, spans[:, None])
+    times = np.concatenate([path.breaks, (path.breaks[:-1, None] + turns).ravel()])
+    here = room(machine, path.derivatives(times)[:, 0])
+    rails = np.minimum(here.travel, here.order)
+    if rails.min() <= TOUCHING:
+        raise _refusal(machine, path, float(times[np.argmin(rails)]))
+
+
+def _turning_times(columns: FloatArray, spans: FloatArray) -> FloatArray:
+    """Return where cubics (n, 4, c) have zero derivative, clipped into their spans, (2, n, c)."""
+    _, b, c, d = np.moveaxis(columns, 1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(c * c - 3.0 * b * d)
+        far = -(c + np.copysign(root, c))
+        turns = np.stack([far / (3.0 * d), b / far])
+    clipped: FloatArray = np.clip(np.nan_to_num(turns, nan=0.0, posinf=0.0, neginf=0.0), 0.0, spans)
+    return clipped
+
+
+def _refusal(machine: Machine, path: TransferPath, time: float) -> PathError:
+    """Say what fails at ``time``, and how far along the platform's path that is."""
+    before = np.linspace(0.0, time, 257)
+    carriages = path.derivatives(before)[:, 0]
+    position, closed = locate(machine, carriages)
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=-1)
+    along = float(np.nansum(steps))
+    _, quantity, amount = room(machine, carriages[-1:]).worst()
+    if not closed[-1]:
+        last = position[:-1][closed[:-1]][-1:]
+        near = ", ".join(f"{v:.6g}" for v in (last[0] if last.size else position[0]))
+        return PathError(
+            f"the carriages' way crosses a singularity {along:.6g} mm along, near ({near}) mm",
+            arc_length=along,
+            position=(last[0] if last.size else position[0]).tolist(),
+            quantity="reach",
+        )
+    where = ", ".join(f"{v:.6g}" for v in position[-1])
+    return PathError(
+        f"{quantity} is {-amount:.6g} mm too small {along:.6g} mm along, at ({where}) mm",
+        arc_length=along,
+        position=position[-1].tolist(),
+        quantity=quantity,
+        amount=-amount,
+    )
