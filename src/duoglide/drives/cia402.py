@@ -61,6 +61,24 @@ class Control(IntEnum):
     HALT = 0x0100
 
 
+class Command(Enum):
+    """What a controlword commands, the way a drive reads it: (mask, pattern)."""
+
+    DISABLE_VOLTAGE = (0x02, 0x00)
+    QUICK_STOP = (0x06, 0x02)
+    SHUTDOWN = (0x07, 0x06)
+    SWITCH_ON = (0x0F, 0x07)  # in OPERATION_ENABLED: disable operation
+    ENABLE = (0x0F, 0x0F)
+
+
+_COMMANDS = tuple(next(c for c in Command if low & c.value[0] == c.value[1]) for low in range(16))
+
+
+def command_of(controlword: int) -> Command:
+    """Return what a controlword commands; every word commands something."""
+    return _COMMANDS[controlword & 0x0F]
+
+
 class Mode(IntEnum):
     """Modes of operation, 0x6060 and 0x6061, that a linear axis uses."""
 

@@ -1,0 +1,77 @@
+"""What hangs on a drive: servo loop, motor, carriage, encoder. Parameters are data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+_STEP = 0.00025  # longest step of the integration [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantParameters:
+    """A closed position loop as a second-order system.
+
+    x'' = (2 pi f)^2 (r - x) + 2 zeta 2 pi f (k r' - x'), bounded by what the motor can do.
+
+    Attributes:
+        bandwidth: f, natural frequency of the position loop [Hz].
+        damping: zeta.
+        velocity_feedforward: k; below 1 the carriage lags behind a moving demand.
+        greatest_acceleration: What motor and current limit allow [mm/s^2].
+        coasting_deceleration: Friction that stops the carriage without power [mm/s^2].
+        brake_deceleration: What the holding brake adds [mm/s^2].
+    """
+
+    bandwidth: float = 80.0
+    damping: float = 0.9
+    velocity_feedforward: float = 0.98
+    greatest_acceleration: float = 200e3
+    coasting_deceleration: float = 5e3
+    brake_deceleration: float = 20e3
+
+
+class Plant:
+    """One carriage. Positions in mm along +y from wherever it stood at power-up."""
+
+    __slots__ = ("jammed", "parameters", "position", "velocity")
+
+    def __init__(self, parameters: PlantParameters | None = None) -> None:
+        self.parameters = parameters or PlantParameters()
+        self.position = 0.0
+        self.velocity = 0.0
+        self.jammed = False
+
+    def drive(self, demand: float, speed: float, seconds: float) -> None:
+        """Let the servo pull towards a demand [mm] that moves at ``speed`` [mm/s]."""
+        p = self.parameters
+        rate = 2.0 * pi * p.bandwidth
+        stiffness, friction = rate * rate, 2.0 * p.damping * rate
+        steps = max(1, -int(-seconds // _STEP))
+        dt = seconds / steps
+        most = p.greatest_acceleration
+        for _ in range(steps):
+            demand += speed * dt
+            pull = stiffness * (demand - self.position)
+            pull += friction * (p.velocity_feedforward * speed - self.velocity)
+            self.velocity += min(max(pull, -most), most) * dt
+            self.position += self.velocity * dt
+        self._hold_if_jammed(seconds)
+
+    def coast(self, brake_set: bool, seconds: float) -> None:
+        """Let the carriage run out without power."""
+        p = self.parameters
+        loss = p.coasting_deceleration + (p.brake_deceleration if brake_set else 0.0)
+        before = self.velocity
+        if abs(before) <= loss * seconds:
+            self.position += before * abs(before) / (2.0 * loss)
+            self.velocity = 0.0
+        else:
+            self.velocity -= loss * seconds if before > 0.0 else -loss * seconds
+            self.position += 0.5 * (before + self.velocity) * seconds
+        self._hold_if_jammed(seconds)
+
+    def _hold_if_jammed(self, seconds: float) -> None:
+        if self.jammed:  # something stands in the way
+            self.position -= self.velocity * seconds
+            self.velocity = 0.0

@@ -1,0 +1,114 @@
+"""Several simulated drives on one bus, and their time.
+
+The drives' clocks lock on to SYNC, as those of real drives do: from one SYNC to the next exactly
+one period of 0x60C2 passes for them, however the host's scheduler shakes the frames. Only when a
+SYNC stays away does the wall clock take over, and with it the drives' own watchdogs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from duoglide.drives import pdo
+from duoglide.drives.cia402 import State, decode
+from duoglide.drives.node import DriveNode, Send
+
+_LATE = 1.5  # periods after which a SYNC counts as missing
+_UNLOCKED = 20.0  # periods after which nobody sends SYNC any more
+_LONGEST_GAP = 1_000_000  # what a stopped process makes up for at most [us]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSnapshot:
+    """What a simulated drive really does, seen from outside the bus.
+
+    Attributes:
+        position: Of its carriage [mm].
+        velocity: Of its carriage [mm/s].
+        state: Of its application.
+        brake_released: Whether its brake is open.
+        outputs: 0x60FE:1.
+    """
+
+    position: float
+    velocity: float
+    state: State
+    brake_released: bool
+    outputs: int
+
+
+class DriveRack:
+    """Drives that share a bus and a clock."""
+
+    def __init__(self, nodes: Sequence[DriveNode]) -> None:
+        self.nodes = tuple(nodes)
+        self._wall: int | None = None  # the moment up to which time has passed [us]
+        self._last_sync: int | None = None
+        self._since_sync = 0  # how much time has passed for the drives since then [us]
+
+    def attach(self, send: Send) -> None:
+        """Say where the drives' frames go."""
+        for node in self.nodes:
+            node.send = send
+
+    @property
+    def patience(self) -> float:
+        """How long the bus may be silent before ``poll`` should be called [s]."""
+        busy = self._last_sync is not None or any(node.axis.powered for node in self.nodes)
+        return 0.001 if busy else 0.005
+
+    def receive(self, can_id: int, data: bytes, now: int) -> None:
+        """Take a frame at ``now`` [us]."""
+        if can_id == pdo.SYNC:
+            self._synchronise(now)
+        for node in self.nodes:
+            node.receive(can_id, data)
+
+    def poll(self, now: int) -> None:
+        """Let the wall clock pass; call it once no frame is waiting."""
+        if self._last_sync is not None:
+            silence = (now - self._last_sync) / self._period
+            if silence <= _LATE:
+                return
+            if silence > _UNLOCKED:
+                self._last_sync = None
+        self._pass_to(now)
+
+    @property
+    def _period(self) -> int:
+        return max(node.axis.period for node in self.nodes)
+
+    def _synchronise(self, now: int) -> None:
+        if self._last_sync is None or self._since_sync >= self._period:
+            self._pass_to(now)
+        else:
+            self._pass(self._period - self._since_sync)
+            self._wall = now
+        self._last_sync = now
+        self._since_sync = 0
+
+    def _pass_to(self, now: int) -> None:
+        if self._wall is None:
+            self._wall = now
+        elif now > self._wall:
+            self._pass(min(now - self._wall, _LONGEST_GAP))
+            self._wall = now
+
+    def _pass(self, dt: int) -> None:
+        self._since_sync += dt
+        for node in self.nodes:
+            node.advance(dt)
+
+    def snapshot(self) -> tuple[DriveSnapshot, ...]:
+        """Return what the drives really do."""
+        return tuple(
+            DriveSnapshot(
+                position=node.plant.position,
+                velocity=node.plant.velocity,
+                state=decode(node.axis.statusword),
+                brake_released=node.axis.brake_released,
+                outputs=node.axis.read(0x60FE, 1),
+            )
+            for node in self.nodes
+        )

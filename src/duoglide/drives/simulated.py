@@ -1,0 +1,171 @@
+"""Three simulated drives: in this process on an open bus, or in a process of their own.
+
+On the bus ``virtual`` that process also is the hub that joins everyone; its address is what other
+programs connect to.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from duoglide.drives.buses import frame_sender, parse_bus
+from duoglide.drives.faults import Injection
+from duoglide.drives.firmware import FirmwareAxis
+from duoglide.drives.node import DriveNode
+from duoglide.drives.plant import Plant, PlantParameters
+from duoglide.drives.rack import DriveRack, DriveSnapshot
+from duoglide.errors import BusError, DriveTimeout
+from duoglide.machine import DriveSettings
+
+if TYPE_CHECKING:
+    import can
+
+    from duoglide.drives.application import AxisApplication
+
+_START_PATIENCE = 20.0  # how long the process may take to come up [s]
+_ANSWER_PATIENCE = 5.0
+
+
+def build_rack(
+    settings: DriveSettings,
+    positions: Sequence[float],
+    plants: Sequence[PlantParameters] | None = None,
+    make_axis: Callable[[], AxisApplication] = FirmwareAxis,
+) -> DriveRack:
+    """Build the three drives of a machine, switched on and not homed.
+
+    Args:
+        settings: Node numbers, scale and direction.
+        positions: Where the carriages stand [mm], three values.
+        plants: What hangs on each drive; three, or None for the default.
+        make_axis: Makes the firmware's application of one drive.
+    """
+    nodes = []
+    for i, node_id in enumerate(settings.node_ids):
+        plant = Plant(plants[i] if plants is not None else None)
+        plant.position = float(positions[i])
+        scale = settings.direction[i] * settings.increments_per_mm[i]
+        nodes.append(DriveNode(node_id, make_axis, plant, scale))
+    return DriveRack(nodes)
+
+
+def serve_drives(bus: can.BusABC, rack: DriveRack, until: Callable[[], bool]) -> None:
+    """Let the drives take part in an open bus until ``until`` says so.
+
+    Raises:
+        can.CanError: The bus has failed.
+    """
+    send = frame_sender(bus)
+    waiting: list[tuple[int, bytes]] = []
+    rack.attach(lambda can_id, data: waiting.append((can_id, data)))
+    while not until():
+        now = time.monotonic_ns() // 1000
+        message = bus.recv(rack.patience)
+        while message is not None:
+            if not (message.is_error_frame or message.is_remote_frame):
+                stamp = time.monotonic_ns() // 1000
+                rack.receive(message.arbitration_id, bytes(message.data), stamp)
+            message = bus.recv(0.0)
+        rack.poll(now)
+        if waiting:
+            send(waiting)
+            waiting.clear()
+
+
+class SimulatedDrives:
+    """Three simulated drives in a process of their own; a context manager.
+
+    The process ends with the handle, and soon after its parent if that dies without a word.
+
+    Args:
+        settings: The machine's drives.
+        positions: Where the carriages stand [mm], three values.
+        bus: ``virtual`` starts a hub; any other name is opened and served.
+        plants: What hangs on each drive; three, or None for the default.
+    """
+
+    def __init__(
+        self,
+        settings: DriveSettings,
+        positions: Sequence[float],
+        *,
+        bus: str = "virtual",
+        plants: Sequence[PlantParameters] | None = None,
+    ) -> None:
+        parse_bus(bus)
+        self._job = (settings, tuple(map(float, positions)), bus, plants)
+        self._address = ""
+
+    def __enter__(self) -> SimulatedDrives:
+        self._pipe, theirs = multiprocessing.Pipe()
+        code = "import sys; from duoglide.drives.process import main; main(int(sys.argv[1]))"
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", code, str(theirs.fileno())],
+            pass_fds=(theirs.fileno(),),
+            stdin=subprocess.DEVNULL,
+        )
+        theirs.close()
+        try:
+            self._pipe.send(self._job)
+            self._address = str(self._answer(_START_PATIENCE))
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def address(self) -> str:
+        """The name of the bus that they are on, for ``open_bus``."""
+        return self._address
+
+    @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
+
+    def inject(self, injection: Injection) -> None:
+        """Make something happen to a drive; it has happened when this returns.
+
+        Raises:
+            DriveTimeout: The process does not answer.
+        """
+        self._pipe.send(injection)
+        self._answer(_ANSWER_PATIENCE)
+
+    def snapshot(self) -> tuple[DriveSnapshot, ...]:
+        """Return what the drives really do, past the bus.
+
+        Raises:
+            DriveTimeout: The process does not answer.
+        """
+        self._pipe.send("snapshot")
+        answer: tuple[DriveSnapshot, ...] = self._answer(_ANSWER_PATIENCE)  # type: ignore[assignment]
+        return answer
+
+    def _answer(self, patience: float) -> object:
+        try:
+            if not self._pipe.poll(patience):
+                raise DriveTimeout(f"the simulated drives do not answer for {patience:g} s")
+            answer: object = self._pipe.recv()
+        except (EOFError, ConnectionResetError):
+            raise BusError("the process of the simulated drives has ended") from None
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def close(self) -> None:
+        """End the process."""
+        self._pipe.close()  # which it notices
+        try:
+            self._process.wait(2.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
