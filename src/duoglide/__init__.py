@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from duoglide.planning.pick_and_place import pick_and_place as pick_and_place
     from duoglide.planning.plan import plan as plan
     from duoglide.planning.transfer import transfer as transfer
-    from duoglide.replay import replay as replay
+    from duoglide.playback.replay import replay as replay
 
 __version__ = "0.1.0"
 
@@ -97,7 +97,7 @@ _HOMES = {
     "planning.pick_and_place": ("pick_and_place",),
     "planning.plan": ("plan",),
     "planning.transfer": ("transfer",),
-    "replay": ("replay",),
+    "playback.replay": ("replay",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

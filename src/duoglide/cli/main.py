@@ -1,0 +1,150 @@
+"""The command ``duoglide``: its verbs, and how every failure becomes one line and an exit code.
+
+====== ===========================================================
+code   meaning
+====== ===========================================================
+0      done
+1      refused or failed; one line on stderr says what and why
+2      used wrongly; one line on stderr says how
+====== ===========================================================
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from duoglide.cli.console import EXTRAS, complain
+from duoglide.cli.verbs import (
+    check,
+    demo,
+    drives,
+    figures,
+    log,
+    machine,
+    plan,
+    replay,
+    stream,
+    view,
+    workspace,
+)
+from duoglide.errors import DuoglideError
+
+DONE, FAILED, MISUSED = 0, 1, 2
+_USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
+
+app = typer.Typer(
+    name="duoglide",
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for verb in (
+    demo,
+    plan,
+    check,
+    stream,
+    replay,
+    drives,
+    log,
+    workspace,
+    figures,
+    view,
+    machine,
+):
+    verb.add_to(app)
+
+
+@app.callback(invoke_without_command=True)
+def start(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    """Plan, check, stream, log and replay the motions of a two-rail parallel robot.
+
+    Begin with [bold]duoglide demo[/bold]; every command explains itself with --help.
+    """
+    if version:
+        from duoglide import __version__
+
+        typer.echo(f"duoglide {__version__}")
+    elif context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        raise typer.Exit(MISUSED)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command and leave the process with its exit code."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code.
+
+    Args:
+        arguments: Of the command line; default: those of this process.
+    """
+    command = typer.main.get_command(app)
+    words = list(arguments) if arguments is not None else None
+    try:
+        with warnings.catch_warnings():
+            _show_only_our_warnings()
+            code = command.main(args=words, prog_name="duoglide", standalone_mode=False)
+            sys.stdout.flush()
+    except _USAGE as error:
+        return _misused(error)
+    except (DuoglideError, ImportError, OSError, KeyboardInterrupt, typer.Abort) as error:
+        return _explain(error)
+    return _code(code)
+
+
+def _explain(error: BaseException) -> int:
+    """Say in one line what went wrong, and return the exit code for it."""
+    if isinstance(error, BrokenPipeError):  # the reader of our output has gone: nobody listens
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    if isinstance(error, ImportError):
+        return _without(error)
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return complain(f"{where}{error.strerror or error}", FAILED)
+    return complain(str(error) if isinstance(error, DuoglideError) else "interrupted", FAILED)
+
+
+def _code(code: object) -> int:
+    """Turn what a command has returned into an exit code; click says 130 for Ctrl-C."""
+    if not isinstance(code, int) or code == DONE:
+        return DONE
+    return code if code in (FAILED, MISUSED) else complain("interrupted", FAILED)
+
+
+def _misused(error: Exception) -> int:
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "duoglide"
+    message = getattr(error, "format_message", error.__str__)()
+    return complain(f"{message} (see {command} --help)", MISUSED)
+
+
+def _without(error: ImportError) -> int:
+    """Say which extra brings a missing module; any other missing module is a fault of ours."""
+    module = (error.name or "").partition(".")[0]
+    if module not in EXTRAS:
+        raise error
+    extra = EXTRAS[module]
+    return complain(f'this needs {module}: pip install "duoglide[{extra}]"', FAILED)
+
+
+def _show_only_our_warnings() -> None:
+    """Let warnings of ours come as one line, and nobody else's."""
+    from duoglide.storage.reader import LogWarning
+
+    def show(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+        if issubclass(category, LogWarning):
+            complain(f"warning: {message}", DONE)
+
+    warnings.showwarning = show

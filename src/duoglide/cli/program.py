@@ -1,0 +1,65 @@
+"""The move that ``plan`` and ``check`` are about: a file, or a pick and a place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import typer
+
+from duoglide.cli.options import number, point
+
+if TYPE_CHECKING:
+    from duoglide.motion.path import Path as MotionPath
+
+Program: TypeAlias = Annotated[
+    Path | None,
+    typer.Argument(metavar="[PROGRAM]", help="A program: TOML, CSV or G-code."),
+]
+Pick: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--pick", metavar="X,Y,Z", help="Instead of a program: from here [mm]."),
+]
+Place: TypeAlias = Annotated[
+    str | None, typer.Option("--place", metavar="X,Y,Z", help="To here [mm].")
+]
+Lift: TypeAlias = Annotated[
+    str | None, typer.Option("--lift", metavar="MM", help="Up by this much [mm]. [default: 25]")
+]
+Tolerance: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--tolerance", metavar="MM", help="Round the corners within this. [default: 2]"),
+]
+
+
+def read_path(
+    program: Path | None,
+    pick: str | None,
+    place: str | None,
+    lift: str | None,
+    tolerance: str | None,
+) -> MotionPath:
+    """Build the path that the arguments describe.
+
+    Raises:
+        typer.BadParameter: Neither a program nor a pick and a place, or both, or no numbers.
+        DuoglideError: The program cannot be read, or describes no path.
+    """
+    if program is not None:
+        if any(value is not None for value in (pick, place, lift, tolerance)):
+            raise typer.BadParameter(
+                "--pick, --place, --lift and --tolerance do not go with a PROGRAM"
+            )
+        from duoglide.planning.programs import read_program
+
+        return read_program(program)
+    if pick is None or place is None:
+        raise typer.BadParameter("give a PROGRAM, or --pick X,Y,Z and --place X,Y,Z")
+    from duoglide.planning.pick_and_place import pick_and_place
+
+    return pick_and_place(
+        point(pick, "--pick"),
+        point(place, "--place"),
+        lift=number(lift, "--lift", "mm") if lift is not None else 25.0,
+        tolerance=number(tolerance, "--tolerance", "mm") if tolerance is not None else 2.0,
+    )

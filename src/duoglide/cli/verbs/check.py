@@ -1,0 +1,124 @@
+"""``duoglide check``: why a path can be followed, or where and why it can not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from duoglide.cli.console import say, say_facts, say_json, working
+from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.program import Lift, Pick, Place, Program, Tolerance, read_path
+from duoglide.errors import PathError
+
+if TYPE_CHECKING:
+    from duoglide.motion.checked import CheckedPath, LeastMargin
+
+_EXAMPLE = """\
+Examples:
+
+duoglide check --pick -41,-152.5,295 --place -41,152.5,295
+
+duoglide check program.csv --machine cell.toml --picture path.png
+"""
+_MEANING = {
+    "clearance": "to the nearest singular surface or edge of reach",
+    "travel_1": "of rail left to carriage 1",
+    "travel_2": "of rail left to carriage 2",
+    "travel_3": "of rail left to carriage 3",
+    "order": "between carriages 1 and 2",
+    "legs_vertical": "of rise left to the legs",
+    "strut": "of reach left to the strut",
+    "legs_parallel": "from parallel legs",
+    "legs_flat": "from flat legs",
+    "arm_strut": "from arm and strut in line",
+    "arm_flat": "from a flat arm",
+}
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the verb to the command line."""
+    app.command("check", epilog=_EXAMPLE)(check)
+
+
+def check(
+    program: Program = None,
+    *,
+    pick: Pick = None,
+    place: Place = None,
+    lift: Lift = None,
+    tolerance: Tolerance = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw the path (png, pdf).")
+    ] = None,
+    machine: MachineFile = None,
+    as_json: Json = False,
+) -> None:
+    """Explain a path in words: reach, rails, order of the carriages, room to every singularity.
+
+    A path that the machine cannot follow is refused with where, what and by how much.
+    """
+    described = load_machine(machine)
+    path = read_path(program, pick, place, lift, tolerance)
+    from duoglide.planning.check import check_path
+
+    try:
+        with working("checking"):
+            checked = check_path(described, path)
+    except PathError as error:
+        if as_json:
+            say_json(_refusal(error))
+        raise
+    if picture is not None:
+        from duoglide.viewer.plots import draw_path
+
+        draw_path(checked, picture)
+    if as_json:
+        say_json(_numbers(checked))
+    else:
+        _explain(checked)
+
+
+def _explain(checked: CheckedPath) -> None:
+    length = float(checked.curve.arc_length(checked.curve.end))
+    tightest = checked.report.tightest
+    say(f"the machine can follow this path: {length:.1f} mm, {len(checked.waypoints)} waypoints")
+    say_facts((f"{entry.margin:.2f} mm", _words(entry)) for entry in checked.report.least)
+    spare = tightest.margin - tightest.required
+    say(f"tightest: {tightest.family}, {spare:.2f} mm more than it must be")
+
+
+def _words(entry: LeastMargin) -> str:
+    meaning = _MEANING.get(entry.family, entry.family)
+    needs = f" (needs {entry.required:g})" if entry.required else ""
+    where = ", ".join(f"{value:.1f}" for value in entry.position)
+    return f"{meaning}{needs}, {entry.arc_length:.1f} mm along, at ({where})"
+
+
+def _numbers(checked: CheckedPath) -> dict[str, Any]:
+    return {
+        "accepted": True,
+        "length": float(checked.curve.arc_length(checked.curve.end)),
+        "tightest": checked.report.tightest.family,
+        "least": {
+            entry.family: {
+                "margin": entry.margin,
+                "required": entry.required,
+                "arc_length": entry.arc_length,
+                "position": entry.position,
+            }
+            for entry in checked.report.least
+        },
+    }
+
+
+def _refusal(error: PathError) -> dict[str, Any]:
+    return {
+        "accepted": False,
+        "error": str(error),
+        "quantity": error.quantity,
+        "amount": error.amount,
+        "arc_length": error.arc_length,
+        "position": error.position,
+    }

@@ -1,0 +1,168 @@
+"""``duoglide log``: what a plan or a run says, and its way into other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from duoglide.cli.console import say, say_facts, say_json, triple, working
+from duoglide.cli.options import Json
+
+if TYPE_CHECKING:
+    from duoglide.playback.compare import Comparison
+    from duoglide.playback.summary import LogSummary, RunSummary
+    from duoglide.storage import Log
+
+_EXAMPLE = """\
+Examples:
+
+duoglide log run.mcap
+
+duoglide log run.mcap --csv run.csv --candump run.log
+
+duoglide log run.mcap --compare again.mcap
+"""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the verb to the command line."""
+    app.command("log", epilog=_EXAMPLE)(log)
+
+
+def log(
+    file: Annotated[Path, typer.Argument(help="A plan or a run (.mcap).")],
+    *,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write a table, a row a cycle.")
+    ] = None,
+    parquet: Annotated[
+        Path | None,
+        typer.Option("--parquet", metavar="FILE", help="The same as Parquet (extra: parquet)."),
+    ] = None,
+    candump: Annotated[
+        Path | None,
+        typer.Option("--candump", metavar="FILE", help="Write the cycle's frames for can-utils."),
+    ] = None,
+    foxglove: Annotated[
+        Path | None,
+        typer.Option("--foxglove", metavar="FILE", help="Write MCAP with all derived topics."),
+    ] = None,
+    other: Annotated[
+        Path | None,
+        typer.Option("--compare", metavar="OTHER", help="Compare with another run."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Summarise a log: events, following error, lateness; or export or compare it.
+
+    A log that was killed or damaged is read up to its last whole record.
+    """
+    from duoglide.storage import read_log
+
+    opened = read_log(file)
+    exports = _exports({"csv": csv, "parquet": parquet, "candump": candump, "foxglove": foxglove})
+    for name, goal, write in exports:
+        with working(f"writing {goal}"):
+            count = write(opened, goal)
+        if not as_json:
+            say(f"{goal}: {count} {name}")
+    if other is not None:
+        _compare(opened, other, as_json)
+    elif as_json or not exports:
+        _summarise(opened, as_json)
+
+
+Writer = tuple[str, Path, Callable[["Log", Path], int]]
+
+
+def _exports(goals: dict[str, Path | None]) -> list[Writer]:
+    """Return what to write: what it counts, where to, and how."""
+    if not any(goals.values()):
+        return []
+    from duoglide.playback.candump import write_candump
+    from duoglide.playback.foxglove import write_foxglove
+    from duoglide.playback.tables import write_csv, write_parquet
+
+    writers: dict[str, tuple[str, Callable[[Log, Path], int]]] = {
+        "csv": ("rows", write_csv),
+        "parquet": ("rows", write_parquet),
+        "candump": ("frames", write_candump),
+        "foxglove": ("messages", write_foxglove),
+    }
+    return [_with_goal(writers[name], goal) for name, goal in goals.items() if goal is not None]
+
+
+def _with_goal(writer: tuple[str, Callable[[Log, Path], int]], goal: Path) -> Writer:
+    counted, write = writer
+    return counted, goal, write
+
+
+def _summarise(opened: Log, as_json: bool) -> None:
+    from duoglide.playback.summary import summarise
+
+    summary = summarise(opened)
+    if as_json:
+        say_json(summary.to_dict())
+        return
+    say(f"{summary.file}: a {summary.kind}, recorded {summary.recorded}")
+    say_facts(_facts(summary))
+    for t, event in summary.events:
+        say(f"  {t:9.3f} s  {event.kind.value}: {event.text}")
+
+
+def _facts(summary: LogSummary) -> list[tuple[str, str]]:
+    rows = [("holds", ", ".join(summary.documents) or "no document")]
+    if summary.missing:
+        rows.append(("missing", summary.missing))
+    return rows + (_run_facts(summary.run) if summary.run else [])
+
+
+def _run_facts(run: RunSummary) -> list[tuple[str, str]]:
+    late = run.lateness
+    period = f", one every {1e3 * run.period:.3f} ms" if run.period else ""
+    rows = [
+        ("cycles", f"{run.cycles} in {run.duration:.3f} s{period}; {run.skipped} left out"),
+        ("program", f"up to {run.program_time:.4f} s of its path time"),
+        ("worst following error", f"{triple(run.following_error, 3)} mm"),
+        ("answers missing", ", ".join(map(str, run.missing))),
+        ("lateness", f"median {late.median:.0f}, 99 % {late.p99:.0f}, worst {late.worst:.0f} us"),
+    ]
+    most = max((count for _, count in late.histogram), default=0)
+    below = 0
+    for edge, count in late.histogram:
+        name = f"up to {edge} us" if edge else f"above {below} us"
+        bar = "#" * round(40 * count / most) if most else ""
+        rows.append(("", f"{name:>14} {count:8d} {bar}"))
+        below = edge
+    return rows
+
+
+def _compare(opened: Log, other: Path, as_json: bool) -> None:
+    from duoglide.playback.compare import compare
+    from duoglide.playback.run_data import read_run
+    from duoglide.storage import read_log
+
+    result = compare(read_run(opened), read_run(read_log(other)))
+    if as_json:
+        say_json(result.to_dict())
+        return
+    say(f"{opened.path} and {other}: {_verdict(result)}")
+    say_facts(
+        [
+            ("cycles on the program", f"{result.cycles[0]} and {result.cycles[1]}"),
+            ("worst setpoint difference", f"{triple(result.setpoint, 0)} increments"),
+            ("worst position difference", f"{triple(result.actual, 3)} mm"),
+            ("worst path time difference", f"{result.path_time:.6g} s"),
+        ]
+    )
+
+
+def _verdict(result: Comparison) -> str:
+    if result.same_setpoints:
+        return "every setpoint is the same"
+    if result.first < 0:
+        return f"the same setpoints for {result.common} cycles, then one of them ends"
+    return f"setpoints differ from cycle {result.first} of the program on"

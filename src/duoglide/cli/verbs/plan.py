@@ -1,0 +1,105 @@
+"""``duoglide plan``: from a program to a plan that can be streamed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from duoglide.cli.console import percent, say, say_facts, say_json, working
+from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.program import Lift, Pick, Place, Program, Tolerance, read_path
+
+if TYPE_CHECKING:
+    from duoglide.motion.audit import Audit
+    from duoglide.motion.trajectory import Trajectory
+
+_EXAMPLE = """\
+Examples:
+
+duoglide plan --pick -41,-152.5,295 --place -41,152.5,295 --lift 25 --out plan.mcap
+
+duoglide plan program.toml --machine cell.toml --picture plan.png
+"""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the verb to the command line."""
+    app.command("plan", epilog=_EXAMPLE)(plan)
+
+
+def plan(
+    program: Program = None,
+    *,
+    pick: Pick = None,
+    place: Place = None,
+    lift: Lift = None,
+    tolerance: Tolerance = None,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to write.")] = Path(
+        "plan.mcap"
+    ),
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw the plan (png, pdf).")
+    ] = None,
+    brake_safe: Annotated[
+        bool,
+        typer.Option(
+            "--brake-safe/--no-brake-safe",
+            help="Slow down where drives that brake by themselves would come too near.",
+        ),
+    ] = True,
+    machine: MachineFile = None,
+    as_json: Json = False,
+) -> None:
+    """Check a path, time it near its optimum under the carriages' limits, and write the plan."""
+    described = load_machine(machine)
+    path = read_path(program, pick, place, lift, tolerance)
+    from duoglide.planning.plan import plan as make_plan
+
+    with working("planning"):
+        trajectory = make_plan(described, path, brake_safe=brake_safe)
+        audit = trajectory.audit()
+    trajectory.save(out)
+    if picture is not None:
+        from duoglide.viewer.plots import draw_plan
+
+        draw_plan(trajectory, picture)
+    if as_json:
+        say_json({"file": str(out), **plan_numbers(trajectory, audit)})
+    else:
+        say(f"{out}: {trajectory.duration:.4f} s")
+        say_facts(plan_facts(trajectory, audit))
+
+
+def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
+    """Return what a script wants to know of a plan."""
+    return {
+        "duration": trajectory.duration,
+        "picks_per_minute": audit.picks_per_minute,
+        "use": {
+            "velocity": audit.velocity,
+            "acceleration": audit.acceleration,
+            "jerk": audit.jerk,
+        },
+        "least_clearance": audit.least_clearance,
+        "limited_by": audit.explain(),
+        "method": trajectory.report.method.value,
+        "fallback": audit.fallback,
+        "brake_safe": trajectory.report.brake_safe,
+    }
+
+
+def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
+    """Return what a person wants to know of a plan."""
+    rows = [
+        ("there and back", f"{2 * audit.duration:.4f} s, {audit.picks_per_minute:.0f} a minute"),
+        ("worst use, velocity", f"{percent(audit.velocity)} of the limit, per carriage"),
+        ("worst use, acceleration", percent(audit.acceleration)),
+        ("worst use, jerk", percent(audit.jerk)),
+        ("held back by", audit.explain()),
+        ("least clearance", f"{audit.least_clearance:.2f} mm to a singular surface"),
+    ]
+    if audit.fallback:
+        rows.append(("slower, certified", audit.fallback))
+    return rows

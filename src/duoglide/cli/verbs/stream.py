@@ -1,0 +1,59 @@
+"""``duoglide stream``: move the machine along a plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from duoglide.cli.motion import finish, run_with_progress
+from duoglide.cli.options import (
+    Approach,
+    Bus,
+    Json,
+    MachineFile,
+    Override,
+    load_machine,
+    override_factor,
+)
+
+_EXAMPLE = """\
+Examples:
+
+duoglide stream plan.mcap --log run.mcap
+
+duoglide stream plan.mcap --bus socketcan:can0 --approach --override 20
+"""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the verb to the command line."""
+    app.command("stream", epilog=_EXAMPLE)(stream)
+
+
+def stream(
+    plan: Annotated[Path, typer.Argument(help="A plan (.mcap).")],
+    *,
+    bus: Bus = "virtual",
+    log: Annotated[
+        Path | None, typer.Option("--log", metavar="FILE", help="Record the run there.")
+    ] = None,
+    override: Override = "100",
+    approach: Approach = False,
+    machine: MachineFile = None,
+    as_json: Json = False,
+) -> None:
+    """Bring up the drives of a bus and stream a plan to them; Ctrl-C stops along the path."""
+    factor = override_factor(override)
+    from duoglide.motion.trajectory import Trajectory
+
+    trajectory = Trajectory.load(plan)
+    described = load_machine(machine) if machine is not None else trajectory.machine
+    from duoglide.control.robot import Robot
+
+    with Robot.connect(described, bus=bus) as robot:
+        robot.enable()
+        robot.home()
+        report = run_with_progress(robot, trajectory, log=log, approach=approach, override=factor)
+    finish(report, log, as_json)

@@ -1,0 +1,113 @@
+"""A plan or a run as a table of named columns, with what follows from it: tool, margins, errors."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from duoglide.arrays import AXES, BoolArray, FloatArray
+from duoglide.errors import SingularityError, UnreachableError
+from duoglide.kinematics.model import forward, reachable
+from duoglide.kinematics.singularity import Margins, clearance, margins
+from duoglide.machine import Geometry
+from duoglide.playback.run_data import RunData, read_run
+from duoglide.storage import Log, LogKind, MotionRecord, Topic
+
+Columns = dict[str, Any]
+"""Column name, with its unit as the last word, to an array of one value a row."""
+
+
+def columns_of(log: Log) -> Columns:
+    """Return the table of a plan or of a run.
+
+    Raises:
+        LogError: A message cannot be read.
+    """
+    if log.kind is LogKind.RUN:
+        return run_columns(read_run(log))
+    return _plan_columns([record for _, record in log.records(Topic.MOTION)])
+
+
+def run_columns(data: RunData) -> Columns:
+    """Return the table of a run: one row a cycle."""
+    position = platform(data.machine.geometry, data.actual_mm)
+    columns: Columns = {
+        "time_s": data.time,
+        "cycle": data.cycle,
+        "phase": data.phase,
+        "path_time_s": data.path_time,
+        "rate": data.rate,
+    }
+    _add_axes(columns, "setpoint", "inc", data.setpoint)
+    _add_axes(columns, "actual", "inc", data.actual)
+    _add_axes(columns, "setpoint", "mm", data.setpoint_mm)
+    _add_axes(columns, "actual", "mm", data.actual_mm)
+    _add_axes(columns, "following_error", "mm", data.following_error)
+    for index, name in enumerate("xyz"):
+        columns[f"{name}_mm"] = position[:, index]
+    columns.update(margin_columns(data.machine.geometry, position))
+    _add_axes(columns, "controlword", "", data.controlword)
+    _add_axes(columns, "statusword", "", data.statusword)
+    columns["lateness_us"] = data.lateness
+    columns["missing"] = data.missing
+    return columns
+
+
+def _plan_columns(records: list[MotionRecord]) -> Columns:
+    columns: Columns = {"path_time_s": np.array([record.path_time for record in records])}
+    position = _rows([record.position for record in records])
+    for index, name in enumerate("xyz"):
+        columns[f"{name}_mm"] = position[:, index]
+    for name, unit in (
+        ("carriages", "mm"),
+        ("velocity", "mm_per_s"),
+        ("acceleration", "mm_per_s2"),
+        ("jerk", "mm_per_s3"),
+    ):
+        _add_axes(columns, name, unit, _rows([getattr(record, name) for record in records]))
+    return columns
+
+
+def platform(geometry: Geometry, carriages: FloatArray) -> FloatArray:
+    """Return the platform centre of each row [mm], NaN where the carriages hold none.
+
+    Args:
+        geometry: Dimensions of the robot.
+        carriages: [mm], shape (n, 3).
+    """
+    try:
+        return forward(geometry, carriages)
+    except (UnreachableError, SingularityError):
+        position = np.full(carriages.shape, np.nan)
+        for row, triple in zip(position, carriages, strict=True):
+            try:
+                row[:] = forward(geometry, triple)
+            except (UnreachableError, SingularityError):
+                continue
+        return position
+
+
+def margin_columns(geometry: Geometry, position: FloatArray) -> Columns:
+    """Return clearance and every margin at each row of positions [mm], NaN where there is none."""
+    names = [field.name for field in fields(Margins)]
+    table = {f"{name}_mm": np.full(len(position), np.nan) for name in ("clearance", *names)}
+    known: BoolArray = np.asarray(np.isfinite(position).all(axis=-1))
+    known[known] = reachable(geometry, position[known])
+    if known.any():
+        table["clearance_mm"][known] = clearance(geometry, position[known])
+        measured = margins(geometry, position[known])
+        for name in names:
+            table[f"{name}_mm"][known] = getattr(measured, name)
+    return table
+
+
+def _add_axes(columns: Columns, name: str, unit: str, values: Any) -> None:
+    """Add one column per carriage."""
+    for axis in range(AXES):
+        columns["_".join(filter(None, (name, str(axis + 1), unit)))] = values[:, axis]
+
+
+def _rows(triples: list[tuple[float, float, float]]) -> FloatArray:
+    return np.array(triples, dtype=np.float64).reshape(-1, AXES)

@@ -1,0 +1,70 @@
+"""Two runs side by side: where their setpoints and their carriages differ."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from duoglide.errors import LogError
+from duoglide.playback.run_data import RunData
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """How two runs of one trajectory differ, cycle by cycle.
+
+    Attributes:
+        cycles: How many cycles on the program each has.
+        common: How many were compared, from the first on.
+        setpoint: Worst difference of setpoints per carriage [increments].
+        actual: Worst difference of actual positions per carriage [mm].
+        path_time: Worst difference of path time [s].
+        first: Number of the first cycle on the program whose setpoints differ; -1 for none.
+    """
+
+    cycles: tuple[int, int]
+    common: int
+    setpoint: tuple[int, ...]
+    actual: tuple[float, ...]
+    path_time: float
+    first: int
+
+    @property
+    def same_setpoints(self) -> bool:
+        """Whether every setpoint is the same, bit for bit, in number as well."""
+        return self.first < 0 and self.cycles[0] == self.cycles[1]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {**asdict(self), "same_setpoints": self.same_setpoints}
+
+
+def compare(one: RunData, other: RunData) -> Comparison:
+    """Compare the setpoints on the program of two runs, and what the carriages made of them.
+
+    Raises:
+        LogError: A run has no cycle on its program.
+    """
+    rows = []
+    for data in (one, other):
+        on = np.flatnonzero(data.on_program)
+        if len(on) == 0:
+            raise LogError("a run without a cycle on its program cannot be compared")
+        rows.append(on)
+    cycles = (len(rows[0]), len(rows[1]))
+    common = min(cycles)
+    a, b = rows[0][:common], rows[1][:common]
+    setpoint = np.abs(one.setpoint[a] - other.setpoint[b])
+    different = np.flatnonzero(setpoint.any(axis=1))
+    return Comparison(
+        cycles=cycles,
+        common=common,
+        setpoint=tuple(int(worst) for worst in setpoint.max(axis=0)),
+        actual=tuple(
+            float(worst) for worst in np.abs(one.actual_mm[a] - other.actual_mm[b]).max(axis=0)
+        ),
+        path_time=float(np.abs(one.path_time[a] - other.path_time[b]).max()),
+        first=int(different[0]) if len(different) else -1,
+    )

@@ -1,0 +1,130 @@
+"""A run as arrays: what the log holds, and what follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duoglide.arrays import AXES, BoolArray, FloatArray
+from duoglide.control.scale import Scale
+from duoglide.errors import LogError
+from duoglide.machine import Machine
+from duoglide.storage import CycleRecord, Document, Log, LogKind, Phase, Topic
+
+IntArray = NDArray[np.int64]
+SETPOINT_DELAY = 2
+"""Cycles from the SYNC that a setpoint follows to the SYNC at which it should be reached."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunData:
+    """The cycles of a run; every array has one row a cycle.
+
+    Attributes:
+        machine: The machine of the log.
+        time: From the first cycle [s], shape (n,).
+        cycle: Number of the SYNC, shape (n,).
+        phase: A ``Phase``, shape (n,).
+        path_time: [s], shape (n,).
+        rate: Path time per time, shape (n,).
+        setpoint: [increments], shape (n, 3).
+        actual: [increments], shape (n, 3).
+        controlword: shape (n, 3).
+        statusword: shape (n, 3).
+        lateness: [us], shape (n,).
+        missing: Bit i: drive i did not answer, shape (n,).
+    """
+
+    machine: Machine
+    time: FloatArray
+    cycle: IntArray
+    phase: IntArray
+    path_time: FloatArray
+    rate: FloatArray
+    setpoint: IntArray
+    actual: IntArray
+    controlword: IntArray
+    statusword: IntArray
+    lateness: IntArray
+    missing: IntArray
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def on_program(self) -> BoolArray:
+        """Where the cycles belong to the trajectory, not to an approach or a rest, shape (n,)."""
+        return np.isin(self.phase, (Phase.PROGRAM, Phase.STOP))
+
+    @property
+    def setpoint_mm(self) -> FloatArray:
+        """Setpoints of the carriages [mm], shape (n, 3)."""
+        return Scale.of(self.machine.drives).millimetres(self.setpoint)
+
+    @property
+    def actual_mm(self) -> FloatArray:
+        """Actual positions of the carriages [mm], shape (n, 3)."""
+        return Scale.of(self.machine.drives).millimetres(self.actual)
+
+    @property
+    def following_error(self) -> FloatArray:
+        """Actual position minus the setpoint that should be reached then [mm], shape (n, 3).
+
+        NaN where the log does not hold that setpoint, or the drive's answer did not come.
+        """
+        error = np.full((len(self), AXES), np.nan)
+        if len(self) == 0:
+            return error
+        row = np.searchsorted(self.cycle, self.cycle - SETPOINT_DELAY)
+        known = self.cycle[row] == self.cycle - SETPOINT_DELAY
+        error[known] = (self.actual_mm - self.setpoint_mm[row])[known]
+        for axis in range(AXES):
+            error[(self.missing >> axis) & 1 == 1, axis] = np.nan
+        return error
+
+
+def machine_of(log: Log) -> Machine:
+    """Return the machine that a log was made with.
+
+    Raises:
+        LogError: The log holds none.
+        ConfigError: It breaks a rule.
+    """
+    return Machine.from_dict(log.document(Document.MACHINE))
+
+
+def read_run(log: Log) -> RunData:
+    """Read the cycles of a run.
+
+    Raises:
+        LogError: Not a run, or it does not hold its machine.
+    """
+    if log.kind is not LogKind.RUN:
+        raise LogError(f"{log.path} is a {log.kind}, not a run: nothing has been streamed yet")
+    pairs = list(log.records(Topic.CYCLE))
+    records = [record for _, record in pairs]
+    times = np.array([t for t, _ in pairs], dtype=np.float64)
+    return RunData(
+        machine=machine_of(log),
+        time=times - times[0] if pairs else times,
+        cycle=_column(records, "cycle"),
+        phase=_column(records, "phase"),
+        path_time=_column(records, "path_time", np.float64),
+        rate=_column(records, "rate", np.float64),
+        setpoint=_column(records, "setpoint"),
+        actual=_column(records, "actual"),
+        controlword=_column(records, "controlword"),
+        statusword=_column(records, "statusword"),
+        lateness=_column(records, "lateness"),
+        missing=_column(records, "missing"),
+    )
+
+
+def _column(records: list[CycleRecord], name: str, kind: type = np.int64) -> Any:
+    """Return one field of every record as an array, also of none at all."""
+    triples = name in ("setpoint", "actual", "controlword", "statusword")
+    shape = (len(records), AXES) if triples else (len(records),)
+    return np.array([getattr(record, name) for record in records], dtype=kind).reshape(shape)
