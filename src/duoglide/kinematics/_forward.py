@@ -42,9 +42,9 @@ def require_forward(carriages: FloatArray, k: Constants) -> None:
     cross_noise = np.maximum(cross_noise, (SINGULAR * l6) ** 2)
     parallel = np.abs(B) < np.maximum(SINGULAR, noise)
     legs_short = rise < -rise_noise
-    flat = rise < rise_noise
-    open_loop = cross < -cross_noise
-    in_line = cross < cross_noise
+    flat = ~(rise >= rise_noise)
+    open_loop = (cross < -cross_noise) | (np.abs(F2) > l9 + noise)
+    in_line = ~(cross >= cross_noise)
     bad = parallel | flat | in_line
     if not bad.any():
         return

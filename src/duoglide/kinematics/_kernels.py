@@ -1,7 +1,9 @@
 """The closed forms, once: for one pose in floats, and for columns of poses in arrays.
 
-Every kernel is plain arithmetic and ``sqrt``. ``in_numpy`` gives the same code with numpy's square
-root; ``_compiled`` gives it to numba. All three agree to the last bit.
+Every ``_pose`` is plain arithmetic and ``sqrt``, and serves one pose as it stands. ``in_numpy``
+gives the same code a square root that takes arrays. ``_batch`` has numba compile the ``_loop``s.
+They run along flat arrays, so that the stride is a constant and the compiler can use vector
+registers. All three agree to the last bit.
 
 Legend: with u = x - (b - d) = -l6 cos(beta), A = l6 sin(beta), X and Z from B3 to C3 in the xz
 plane, h the rise of the legs, p and q the strokes of legs and strut along y (PAPER, short form).
@@ -16,13 +18,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from duoglide.arrays import FloatArray
 from duoglide.kinematics.modes import AssemblyMode, WorkingMode
 from duoglide.machine import Geometry
 
 Constants: TypeAlias = tuple[float, ...]
 
 SINGULAR = 1e-9  # [mm], below which a pose counts as lying on a singular surface
-ROUNDING = 4.0 * 2.0**-52
+FAINT = 1e-12  # relative size of a square below which rounding has to be looked at
 
 
 def pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
@@ -71,53 +74,82 @@ def inverse_pose(x: float, y: float, z: float, k: Constants) -> tuple[float, flo
     return y - half + w1 * p, y + half + w2 * p, y + w3 * q
 
 
-def margins_pose(
-    x: float, z: float, k: Constants
-) -> tuple[float, float, float, float, float, float]:
-    """Margins of one pose, in the order of the fields of ``Margins``."""
-    cx, base, l6, l2, _half, xb, zb, l9, v, w1, w2, _w3 = k
+def margins_pose(x: float, z: float, k: Constants) -> tuple[float, float, float, float]:
+    """Margins of one pose: strut, legs flat (h), arm in line with strut, arm flat."""
+    cx, base, l6, _l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k
     u = x - cx
     X = x - xb
     Z = z - zb
     A = v * sqrt((l6 - u) * (l6 + u))
     h = z - base - A
-    p = sqrt((l2 - h) * (l2 + h))
-    return (
-        l2 - abs(h),
-        l9 - sqrt(X * X + Z * Z),
-        abs(w2 - w1) * p,
-        h,
-        (X * A - Z * u) / l6,
-        l6 - abs(u),
-    )
+    return l9 - sqrt(X * X + Z * Z), h, (X * A - Z * u) / l6, l6 - abs(u)
 
 
-def forward_pose(
-    a1: float, a2: float, a3: float, k: Constants
-) -> tuple[float, float, float, float, float, float, float]:
+def forward_pose(a1: float, a2: float, a3: float, k: Constants) -> tuple[float, float, float, bool]:
     """Platform position for one triple of carriages, Eqs. 8-11 without their quotients.
 
     C3 lies on a circle of radius l6 about (F1, F3) and on one about B3; n names the intersection.
 
     Returns:
-        x, y, z; then what tells whether they mean anything: B, the square of h, and the square of
-        l6 times the case-2 value, and a measure of the size of the terms of the latter.
+        x, y, z; and whether they are certainly far from every singularity.
     """
     l2, l3, F1, lift, l6, l9, xb, zb, m, n = k
     B = a2 - a1 - l3
     rise = (l2 - 0.5 * B) * (l2 + 0.5 * B)
-    h = m * sqrt(rise)
     y = 0.5 * (a1 + a2)
     F2 = y - a3
-    F3 = lift + h
+    F3 = lift + m * sqrt(rise)
     E = F1 * F1 + F3 * F3
     R = (l9 - F2) * (l9 + F2)
     K = 0.5 * (R + E - l6 * l6)
     cross = R * E - K * K
     turn = n * sqrt(cross)
-    X = (F1 * K - F3 * turn) / E
-    Z = (F3 * K + F1 * turn) / E
-    return X + xb, y, Z + zb, B, rise, cross, K * K
+    share = 1.0 / E
+    X = (F1 * K - F3 * turn) * share
+    Z = (F3 * K + F1 * turn) * share
+    sure = (abs(B) > 1e-6) & (rise > FAINT * (l2 * l2)) & (cross > FAINT * (K * K))
+    return X + xb, y, Z + zb, sure
+
+
+def inverse_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
+    """Run ``inverse_pose`` along x, y, z, x, y, z, ...; return how many poses it cannot answer."""
+    failed = 0
+    for i in range(flat.size // 3):
+        a1, a2, a3 = inverse_pose(flat[3 * i], flat[3 * i + 1], flat[3 * i + 2], k)
+        out[3 * i] = a1
+        out[3 * i + 1] = a2
+        out[3 * i + 2] = a3
+        total = a1 + a3
+        failed += total - total != 0.0  # infinite or NaN
+    return failed
+
+
+def forward_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
+    """Run ``forward_pose`` along carriages 1, 2, 3, 1, ...; return how many are not sure."""
+    failed = 0
+    for i in range(flat.size // 3):
+        x, y, z, sure = forward_pose(flat[3 * i], flat[3 * i + 1], flat[3 * i + 2], k)
+        out[3 * i] = x
+        out[3 * i + 1] = y
+        out[3 * i + 2] = z
+        failed += not sure
+    return failed
+
+
+def margins_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
+    """Run ``margins_pose`` along x, y, z, x, ...; return how many poses are not within reach."""
+    failed = 0
+    n = flat.size // 3
+    leg = k[3]
+    for i in range(n):
+        y = flat[3 * i + 1]
+        strut, h, in_line, arm = margins_pose(flat[3 * i], flat[3 * i + 2], k)
+        out[i] = strut
+        out[n + i] = h
+        out[2 * n + i] = in_line
+        out[3 * n + i] = arm
+        failed += not ((strut >= 0.0) & (abs(h) <= leg) & (y - y == 0.0))
+    return failed
 
 
 def in_numpy(kernel: Callable[..., Any]) -> Callable[..., Any]:

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray, as_triples
 from duoglide.errors import InputError
-from duoglide.kinematics import _kernels as kernels
+from duoglide.kinematics._batch import as_batch, as_pose, forward_many, inverse_many
 from duoglide.kinematics._forward import require_forward
 from duoglide.kinematics._jets import height, shifted
+from duoglide.kinematics._kernels import (
+    Constants,
+    carriage_constants,
+    forward_pose,
+    inverse_pose,
+    pose_constants,
+)
 from duoglide.kinematics._reach import reach_of, require_inside, require_reach
 from duoglide.kinematics.modes import ASSEMBLY, WORKING, AssemblyMode, WorkingMode
 from duoglide.machine import Geometry
+
+LAST_AXIS = "(carriage 1, 2, 3)"
 
 
 def inverse(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> FloatArray:
@@ -33,21 +44,27 @@ def inverse(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
         InputError: Not finite numbers of shape (..., 3).
         UnreachableError: A link is too short; carries the index, the link and the shortfall [mm].
     """
-    k = kernels.pose_constants(geometry, mode)
-    array = as_triples(position, "position")
-    with np.errstate(invalid="ignore", over="ignore"):
-        columns = kernels.in_numpy(kernels.inverse_pose)(
-            array[..., 0], array[..., 1], array[..., 2], k
-        )
-    carriages = np.stack(columns, axis=-1)
-    if not np.isfinite(carriages).all():
-        reach = require_reach(array, k)
-        half, (w1, w2, w3) = k[4], k[9:]
-        y = array[..., 1]
-        carriages = np.stack(
-            [y - half + w1 * reach.p, y + half + w2 * reach.p, y + w3 * reach.q], axis=-1
-        )
-    return carriages
+    k = pose_constants(geometry, mode)
+    if pose := as_pose(position):
+        x, y, z = pose
+        try:
+            a1, a2, a3 = inverse_pose(x, y, z, k)
+        except ValueError:  # a square root has failed: look closer
+            return _inverse_at_edge(as_triples(position, "position"), k)
+        if isfinite(a1 + a3):
+            return np.array((a1, a2, a3))
+    array = as_batch(position, "position")
+    many, real = inverse_many(array, k)
+    return many if real else _inverse_at_edge(as_triples(array, "position"), k)
+
+
+def _inverse_at_edge(position: FloatArray, k: Constants) -> FloatArray:
+    """Refuse what is beyond reach; take what only rounding has put there for the edge itself."""
+    reach = require_reach(position, k)
+    half, (w1, w2, w3) = k[4], k[9:]
+    y = position[..., 1]
+    columns = y - half + w1 * reach.p, y + half + w2 * reach.p, y + w3 * reach.q
+    return np.stack(columns, axis=-1)
 
 
 def forward(geometry: Geometry, carriages: ArrayLike, mode: AssemblyMode = ASSEMBLY) -> FloatArray:
@@ -70,16 +87,20 @@ def forward(geometry: Geometry, carriages: ArrayLike, mode: AssemblyMode = ASSEM
         SingularityError: The answer is indeterminate: |B|, h or the case-2 value is below 1e-9 mm,
             or cannot be told from zero in double precision.
     """
-    k = kernels.carriage_constants(geometry, mode)
-    array = as_triples(carriages, "carriages", "(carriage 1, 2, 3)")
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        *columns, B, rise, cross, size = kernels.in_numpy(kernels.forward_pose)(
-            array[..., 0], array[..., 1], array[..., 2], k
-        )
-        fine = (np.abs(B) > 1e-6) & (rise > 1e-12 * k[0] ** 2) & (cross > 1e-12 * size)
-    if not fine.all():
-        require_forward(array, k)
-    return np.stack(columns, axis=-1)
+    k = carriage_constants(geometry, mode)
+    if triple := as_pose(carriages):
+        a1, a2, a3 = triple
+        try:
+            x, y, z, sure = forward_pose(a1, a2, a3, k)
+        except (ValueError, ZeroDivisionError):  # a square root or a quotient has failed
+            sure = False
+        if sure:
+            return np.array((x, y, z))
+    array = as_batch(carriages, "carriages", LAST_AXIS)
+    many, sure = forward_many(array, k)
+    if not sure:
+        require_forward(as_triples(array, "carriages", LAST_AXIS), k)
+    return many
 
 
 def reachable(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> BoolArray:
@@ -97,7 +118,7 @@ def reachable(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKI
         InputError: Not finite numbers of shape (..., 3).
     """
     array = as_triples(position, "position")
-    return reach_of(array, kernels.pose_constants(geometry, mode)).within
+    return reach_of(array, pose_constants(geometry, mode)).within
 
 
 def jacobian(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> FloatArray:
@@ -117,7 +138,7 @@ def jacobian(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKIN
         SingularityError: On the edge of reach, where a derivative is infinite.
     """
     array = as_triples(position, "position")
-    k = kernels.pose_constants(geometry, mode)
+    k = pose_constants(geometry, mode)
     reach = require_reach(array, k)
     require_inside(array, reach)
     w1, w2, w3 = k[9:]
@@ -156,7 +177,7 @@ def inverse_derivatives(
     array = as_triples(derivatives, "derivatives")
     if array.ndim < 2 or array.shape[-2] == 0:
         raise InputError(f"derivatives must have shape (..., k + 1, 3), got {array.shape}")
-    k = kernels.pose_constants(geometry, mode)
+    k = pose_constants(geometry, mode)
     reach = require_reach(array[..., 0, :], k)
     order = array.shape[-2]
     if order > 1:

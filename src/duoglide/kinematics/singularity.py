@@ -2,46 +2,69 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.errors import SingularityError
+from duoglide.kinematics._batch import as_batch, as_pose, margins_many
 from duoglide.kinematics._distance import nearest_surface
-from duoglide.kinematics._kernels import pose_constants
+from duoglide.kinematics._kernels import Constants, margins_pose, pose_constants
 from duoglide.kinematics._reach import require_reach
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.machine import Geometry
+
+FAMILIES = ("legs_vertical", "strut", "legs_parallel", "legs_flat", "arm_strut", "arm_flat")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Margins:
     """A length [mm] for each singularity family; it is 0 exactly on the family's surface.
 
+    What the rise of the legs alone decides is computed when it is asked for, so that a large batch
+    moves less memory. Every family has the leading shape of the positions.
+
     Attributes:
-        legs_vertical: l2 - |h|: rise that is left to the legs (serial; edge of reach).
         strut: l9 - sqrt(X^2 + Z^2): distance to the strut's edge of reach (serial).
-        legs_parallel: |B| = |yA2 - yA1 - l3|; 0 everywhere in the modes w1 = w2 (parallel).
         legs_flat: h; its sign is the m of the assembly mode (parallel).
         arm_strut: X sin(beta) + Z cos(beta): distance of B3 from the line of the arm through C3 in
             the xz plane, case 2; its sign is the n of the assembly mode (parallel).
         arm_flat: l6 - |x - (b - d)|: distance to where the branches v merge (edge of reach).
-
-    Each has the leading shape of the positions.
+        leg_length: l2 [mm].
+        mode: The working mode that the margins are of.
     """
 
-    legs_vertical: FloatArray
     strut: FloatArray
-    legs_parallel: FloatArray
     legs_flat: FloatArray
     arm_strut: FloatArray
     arm_flat: FloatArray
+    leg_length: float
+    mode: WorkingMode
+
+    @property
+    def legs_vertical(self) -> FloatArray:
+        """l2 - |h|: rise that is left to the legs (serial; edge of reach)."""
+        left: FloatArray = self.leg_length - np.abs(self.legs_flat)
+        return left
+
+    @property
+    def legs_parallel(self) -> FloatArray:
+        """|B| = |yA2 - yA1 - l3|; 0 everywhere in the modes w1 = w2 (parallel)."""
+        l2, h = self.leg_length, self.legs_flat
+        stroke: FloatArray = np.sqrt((l2 - h) * (l2 + h))
+        return abs(self.mode.w2 - self.mode.w1) * stroke
+
+    def by_family(self) -> dict[str, FloatArray]:
+        """Return the six margins by the name of their family."""
+        return {family: getattr(self, family) for family in FAMILIES}
 
     def least(self) -> FloatArray:
         """Return the least absolute margin of all families [mm], shape (...)."""
-        least: FloatArray = np.abs(np.stack(astuple(self))).min(axis=0)
+        least: FloatArray = np.abs(np.stack(list(self.by_family().values()))).min(axis=0)
         return least
 
 
@@ -61,19 +84,39 @@ def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
         InputError: Not finite numbers of shape (..., 3).
         UnreachableError: A link is too short.
     """
-    array = as_triples(position, "position")
     k = pose_constants(geometry, mode)
-    reach = require_reach(array, k)
-    u, X, Z = array[..., 0] - k[0], array[..., 0] - k[5], array[..., 2] - k[6]
-    lacking = np.minimum(reach.lacking, 0.0)
-    return Margins(
-        legs_vertical=-lacking[..., 1],
-        strut=-lacking[..., 2],
-        legs_parallel=abs(k[10] - k[9]) * reach.p,
-        legs_flat=reach.h,
-        arm_strut=(X * reach.A - Z * u) / k[2],
-        arm_flat=-lacking[..., 0],
-    )
+    leg = geometry.leg_length
+    if pose := as_pose(position):
+        x, y, z = pose
+        try:
+            strut, h, in_line, arm = margins_pose(x, z, k)
+        except ValueError:  # a square root has failed: look closer
+            strut = -1.0
+        if strut >= 0.0 and -leg <= h <= leg and isfinite(y):
+            return _margins_of((strut, h, in_line, arm), leg, mode)
+    array = as_batch(position, "position")
+    many, within = margins_many(array, k)
+    if not within:
+        many = _margins_at_edge(as_triples(array, "position"), k)
+    return _margins_of(many, leg, mode)
+
+
+def _margins_of(values: Any, leg: float, mode: WorkingMode) -> Margins:
+    """Name the values of ``margins_pose``, numbers or arrays."""
+    strut, h, in_line, arm = values
+    if type(strut) is float:
+        double = np.float64
+        strut, h, in_line, arm = double(strut), double(h), double(in_line), double(arm)
+    return Margins(strut, h, in_line, arm, leg, mode)
+
+
+def _margins_at_edge(position: FloatArray, k: Constants) -> FloatArray:
+    """Refuse what is beyond reach; take what only rounding has put there for the edge itself."""
+    reach = require_reach(position, k)
+    u, X, Z = position[..., 0] - k[0], position[..., 0] - k[5], position[..., 2] - k[6]
+    left = -np.minimum(reach.lacking, 0.0)
+    rise = np.clip(reach.h, -k[3], k[3])
+    return np.stack([left[..., 2], rise, (X * reach.A - Z * u) / k[2], left[..., 0]])
 
 
 def clearance(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> FloatArray:

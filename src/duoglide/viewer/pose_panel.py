@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import DuoglideError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import inverse
-from duoglide.kinematics.singularity import Margins, clearance, margins
+from duoglide.kinematics.singularity import clearance, margins
 from duoglide.kinematics.transmission import transmission
 from duoglide.viewer.mechanism import METRES, Mechanism
 
@@ -103,8 +102,8 @@ def describe(machine: Machine, position: FloatArray) -> str:
     carriages = inverse(geometry, position)
     room = float(clearance(geometry, position))
     rows = "\n".join(
-        f"| {field.name.replace('_', ' ')} | {float(value):.2f} |"
-        for field, value in zip(fields(Margins), astuple(margins(geometry, position)), strict=True)
+        f"| {family.replace('_', ' ')} | {float(value):.2f} |"
+        for family, value in margins(geometry, position).by_family().items()
     )
     warnings = "".join(f"\n\n**{text}**" for text in _refusals(machine, carriages, room))
     first, second, third = carriages

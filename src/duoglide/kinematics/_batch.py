@@ -1,0 +1,123 @@
+"""Many poses at once: numpy for some, compiled loops for very many, with the same result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duoglide.arrays import FloatArray, as_triples
+from duoglide.kinematics import _kernels as kernels
+from duoglide.kinematics._kernels import Constants
+
+WORTH_LOADING = 50_000  # poses, from which loading numba (half a second) pays
+WORTH_CALLING = 500  # poses, from which it pays once it is loaded
+DOUBLE = np.dtype(np.float64)
+
+_inverse_columns = kernels.in_numpy(kernels.inverse_pose)
+_forward_columns = kernels.in_numpy(kernels.forward_pose)
+_margins_columns = kernels.in_numpy(kernels.margins_pose)
+
+
+def inverse_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
+    """Return the carriages of positions of shape (..., 3), and whether all of them are real."""
+    if compiles(position):
+        return _run(kernels.inverse_loop, position, k)
+    with np.errstate(invalid="ignore", over="ignore"):
+        columns = _inverse_columns(*_columns(position), k)
+    carriages = np.stack(columns, axis=-1)
+    return carriages, bool(np.isfinite(carriages).all())
+
+
+def forward_many(carriages: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
+    """Return the positions for carriages of shape (..., 3), and whether all of them are sure."""
+    if compiles(carriages):
+        return _run(kernels.forward_loop, carriages, k)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        *columns, sure = _forward_columns(*_columns(carriages), k)
+    return np.stack(columns, axis=-1), bool(sure.all())
+
+
+def margins_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
+    """Return what ``margins_pose`` does, shape (4, ...), and whether all poses are within reach."""
+    out = np.empty((4, *position.shape[:-1]))
+    if compiles(position):
+        failed = _compiled(kernels.margins_loop)(_flat(position), out.reshape(-1), k)
+        return out, failed == 0
+    x, _, z = _columns(position)
+    with np.errstate(invalid="ignore", over="ignore"):
+        out[0], out[1], out[2], out[3] = _margins_columns(x, z, k)
+    return out, bool((out[0] >= 0.0).all() and (np.abs(out[1]) <= k[3]).all())
+
+
+def as_pose(value: Any) -> Sequence[float]:
+    """Return the three floats of what is plainly one pose, nothing for anything else."""
+    if type(value) is np.ndarray:
+        if value.shape != (3,) or value.dtype is not DOUBLE:
+            return ()
+        value = value.tolist()
+    elif (type(value) is not tuple and type(value) is not list) or len(value) != 3:
+        return ()
+    x, y, z = value
+    return value if type(x) is float and type(y) is float and type(z) is float else ()
+
+
+def as_batch(value: ArrayLike, name: str, last_axis: str = "(x, y, z)") -> FloatArray:
+    """Convert ``value`` to shape (..., 3); the compiled loops look for NaN and infinity themselves.
+
+    Raises:
+        InputError: Not real numbers, not three in the last axis; not finite, if the batch is small.
+    """
+    if isinstance(value, np.ndarray) and value.dtype == DOUBLE and value.shape[-1:] == (3,):
+        array: FloatArray = value
+        if compiles(array):
+            return array
+    return as_triples(value, name, last_axis)
+
+
+def compiles(array: FloatArray) -> bool:
+    """Whether a batch is large enough for the compiled loops; they check that it is finite."""
+    loaded = _compiled.cache_info().currsize > 0
+    return array.size >= 3 * (WORTH_CALLING if loaded else WORTH_LOADING)
+
+
+def _run(loop: Callable[..., int], array: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
+    out = np.empty(array.shape)
+    failed = _compiled(loop)(_flat(array), out.reshape(-1), k)
+    return out, failed == 0
+
+
+def _columns(array: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return array[..., 0], array[..., 1], array[..., 2]
+
+
+def _flat(array: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(array).reshape(-1)
+
+
+@cache
+def _compiled(loop: Callable[..., int]) -> Any:
+    """Compile a loop, or load it from numba's cache.
+
+    Where neither the installed package nor the user's cache directory can be written to, it is
+    compiled anew in every process.
+    """
+    import numba
+
+    _register()
+    try:
+        return numba.njit(loop, cache=True, nogil=True, error_model="numpy")
+    except RuntimeError:  # numba found no directory for its cache
+        return numba.njit(loop, nogil=True, error_model="numpy")
+
+
+@cache
+def _register() -> None:
+    """Let compiled code call the kernels, which stay plain functions for everyone else."""
+    from numba.extending import register_jitable
+
+    for kernel in (kernels.inverse_pose, kernels.forward_pose, kernels.margins_pose):
+        register_jitable(kernel)
