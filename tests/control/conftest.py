@@ -74,9 +74,8 @@ class Drive:
         for _ in range(microseconds // TICK):
             self.axis.tick(TICK, self.axis.servo_demand // 256)
         frames = [
-            (pdo.EMCY + self.node, pdo.pack_emergency(code, 1)) for code in self.axis.emergencies
+            (pdo.EMCY + self.node, pdo.pack_emergency(code, 1)) for code in self.axis.take_emergencies()
         ]
-        self.axis.emergencies.clear()
         return frames if self.on else []
 
 
@@ -168,7 +167,7 @@ class Bench:
         return [(conditions[trip.detail], trip.axis) for trip in trips]
 
     def setpoints(self) -> np.ndarray:
-        return np.array([[e.setpoint1, e.setpoint2, e.setpoint3] for e in self.log])
+        return np.array([e.setpoint for e in self.log])
 
     # what the streamer sees of its bus, its host and its ring
 

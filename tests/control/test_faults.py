@@ -105,14 +105,11 @@ def running(make_bench: Callable[..., Any]) -> Any:
     return bench
 
 
-@pytest.mark.parametrize(
-    ("inject", "condition", "axis", "on_path", "within"),
-    FAULTS,
-    ids=[inject.__name__ for inject, *_ in FAULTS],
-)
+@pytest.mark.parametrize("fault", FAULTS, ids=[fault[0].__name__ for fault in FAULTS])
 def test_each_fault_is_named_latched_and_stops_all_three(
-    running: Any, inject: Inject, condition: Condition, axis: int, on_path: Any, within: int
+    running: Any, fault: tuple[Inject, Condition, int, Any, int]
 ) -> None:
+    inject, condition, axis, _, within = fault
     began = running.number
     inject(running)
     running.step(120)

@@ -50,7 +50,7 @@ def test_following_error_compares_the_setpoint_that_should_have_been_reached(ben
     bench.enable()
     bench.run(bench.straight())
     bench.step(510)
-    worst = max(abs(e.following1) for e in bench.log)
+    worst = max(abs(e.following[0]) for e in bench.log)
     assert worst < 80  # one tick of 0.1 ms at 400 mm/s is 40 increments; a cycle would be 800
 
 

@@ -33,24 +33,32 @@ def controlword(power: Power, state: State | None, cycle: int) -> int:
 
     A drive in fault, or in a state that has no name, gets zeros, which enable nothing.
     """
-    if state is None or state is State.NOT_READY_TO_SWITCH_ON:
-        return Control.DISABLE_VOLTAGE
-    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-        pulse = power is Power.RESET and cycle % _RESET_PERIOD >= _RESET_PERIOD // 2
-        return Control.FAULT_RESET if pulse else Control.DISABLE_VOLTAGE
+    if power is Power.RESET and state is State.FAULT:
+        return _RESET if cycle % _RESET_PERIOD >= _RESET_PERIOD // 2 else 0
+    return _WORDS.get((power, state), 0)
+
+
+def _word(power: Power, state: State) -> int:
+    """Return the controlword for one pair; ``controlword`` looks it up."""
     if power is Power.ON:
-        return _towards(state, State.OPERATION_ENABLED)
+        return int(controlword_towards(state, State.OPERATION_ENABLED) or 0)
     if power is Power.HOMING:
-        return Control.START_HOMING
+        return int(Control.START_HOMING)
     if power is Power.QUICK_STOP:
         moving = state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
-        return Control.QUICK_STOP if moving else Control.DISABLE_VOLTAGE
-    return _towards(state, _ONE_DOWN.get(state, State.SWITCH_ON_DISABLED))
+        return int(Control.QUICK_STOP if moving else Control.DISABLE_VOLTAGE)
+    goal = _ONE_DOWN.get(state, State.SWITCH_ON_DISABLED)
+    return int(controlword_towards(state, goal) or 0)
 
 
-def _towards(state: State, goal: State) -> int:
-    word = controlword_towards(state, goal)
-    return Control.DISABLE_VOLTAGE if word is None else word
+_HELPLESS = (State.NOT_READY_TO_SWITCH_ON, State.FAULT, State.FAULT_REACTION_ACTIVE)
+_RESET = int(Control.FAULT_RESET)
+_WORDS: dict[tuple[Power, State | None], int] = {
+    (power, state): _word(power, state)
+    for power in Power
+    for state in State
+    if state not in _HELPLESS
+}
 
 
 def all_in(tracks: Sequence[AxisTrack], state: State) -> bool:

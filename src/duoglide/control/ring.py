@@ -12,15 +12,36 @@ import mmap
 import os
 from collections.abc import Iterator
 from struct import Struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 _HEAD = 64  # bytes, eight words; the first four are the counters
 _WRITTEN, _READ, _DROPPED, _ALIVE = range(4)
+IntTriple = tuple[int, int, int]
+
 CAPACITY = 16384  # records: half a minute at 500 Hz
 
 
 class CycleEntry(NamedTuple):
-    """One cycle, as the streamer writes it. Times in ns, positions in increments."""
+    """One cycle, as the streamer writes it.
+
+    Attributes:
+        cycle: Number of the SYNC.
+        time: When the cycle began, monotonic [ns].
+        lateness: After its deadline [ns].
+        skipped: Cycles left out before this one.
+        path_time: Of the setpoint [s].
+        rate: Path time per time.
+        setpoint: Sent after this SYNC [increments].
+        actual: Sampled at this SYNC [increments].
+        following: Actual position less the setpoint that this SYNC should have found reached.
+        controlword: Sent after this SYNC.
+        statusword: Sampled at this SYNC.
+        phase: A ``storage`` phase.
+        missing: Bit i: no answer of drive i + 1 to this SYNC.
+        motion: A ``MotionState``.
+        power: A ``Power``.
+        run: Number of the program.
+    """
 
     cycle: int
     time: int
@@ -28,26 +49,22 @@ class CycleEntry(NamedTuple):
     skipped: int
     path_time: float
     rate: float
-    setpoint1: int
-    setpoint2: int
-    setpoint3: int
-    actual1: int
-    actual2: int
-    actual3: int
-    following1: int
-    following2: int
-    following3: int
-    controlword1: int
-    controlword2: int
-    controlword3: int
-    statusword1: int
-    statusword2: int
-    statusword3: int
+    setpoint: IntTriple
+    actual: IntTriple
+    following: IntTriple
+    controlword: IntTriple
+    statusword: IntTriple
     phase: int
     missing: int
     motion: int
     power: int
     run: int
+
+    @classmethod
+    def from_flat(cls, values: tuple[Any, ...]) -> CycleEntry:
+        """Build the entry from its 26 numbers in the ring."""
+        v = values
+        return cls(*v[:6], v[6:9], v[9:12], v[12:15], v[15:18], v[18:21], *v[21:])
 
 
 class EventEntry(NamedTuple):
@@ -92,7 +109,10 @@ class Ring:
         """Write the record of a cycle, or count it as dropped."""
         at = self._room()
         if at:
-            _CYCLE.pack_into(self._memory, at, _IS_CYCLE, *entry)
+            e = entry
+            _CYCLE.pack_into(
+                self._memory, at, _IS_CYCLE, *e[:6], *e[6], *e[7], *e[8], *e[9], *e[10], *e[11:]
+            )
             self._words[_WRITTEN] += 1
 
     def put_event(self, entry: EventEntry) -> None:
@@ -107,7 +127,7 @@ class Ring:
         while self._words[_READ] < self._words[_WRITTEN]:
             at = _HEAD + self._words[_READ] % CAPACITY * _SIZE
             if self._memory[at] == _IS_CYCLE:
-                yield CycleEntry(*_CYCLE.unpack_from(self._memory, at)[1:])
+                yield CycleEntry.from_flat(_CYCLE.unpack_from(self._memory, at)[1:])
             else:
                 yield EventEntry(*_EVENT.unpack_from(self._memory, at)[1:])
             self._words[_READ] += 1

@@ -33,7 +33,8 @@ class Scale:
 
     def increments(self, carriages: FloatArray) -> NDArray[np.int64]:
         """Round carriages [mm] to increments, shape (..., 3)."""
-        return np.rint(carriages * np.array(self.factors)).astype(np.int64)
+        rounded: NDArray[np.int64] = np.rint(carriages * np.array(self.factors)).astype(np.int64)
+        return rounded
 
     def millimetres(self, increments: NDArray[np.int64]) -> FloatArray:
         """Return carriages [mm] from increments, shape (..., 3)."""

@@ -121,21 +121,30 @@ class Streamer:
 
     def _record(self) -> None:
         """Write the record of the cycle before, whose feedback has just come."""
-        tracks = self._tracks
+        first, second, third = self._tracks
+        actual = (first.actual, second.actual, third.actual)
+        a, b, c = self._sent[0] if self._enabled else actual
         path_time, rate, phase, state = self._pace
-        missing = sum(1 << i for i, track in enumerate(tracks) if track.missing)
-        reached = self._sent[0] if self._enabled else [track.actual for track in tracks]
         self._outbox.put_cycle(
             CycleEntry(
-                self._cycle, self._time, self._lateness, self._skipped, path_time, rate,
-                *self._setpoint,
-                *(track.actual for track in tracks),
-                *(track.actual - at for track, at in zip(tracks, reached, strict=True)),
-                *self._words,
-                *(track.statusword for track in tracks),
-                phase, missing, state, self._power, self._run,
+                cycle=self._cycle,
+                time=self._time,
+                lateness=self._lateness,
+                skipped=self._skipped,
+                path_time=path_time,
+                rate=rate,
+                setpoint=self._setpoint,
+                actual=actual,
+                following=(actual[0] - a, actual[1] - b, actual[2] - c),
+                controlword=self._words,
+                statusword=(first.statusword, second.statusword, third.statusword),
+                phase=phase,
+                missing=sum(1 << i for i, track in enumerate(self._tracks) if track.missing),
+                motion=state,
+                power=self._power,
+                run=self._run,
             )
-        )  # fmt: skip
+        )
 
     # What the host wants
 

@@ -140,6 +140,11 @@ class Trip:
         return f"{where}{self.condition.value}{code}"
 
 
+_FOLLOWING_ERROR = int(Status.FOLLOWING_ERROR)  # plain numbers: an IntFlag's & costs 1.5 us
+_LIMIT = int(Status.INTERNAL_LIMIT_ACTIVE)
+_FOLLOWS = int(Status.FOLLOWS_COMMAND)
+
+
 def assess(seen: Observation, policy: Policy) -> Iterator[Trip]:
     """Yield every condition that this cycle met, with the reaction that it asks for.
 
@@ -184,9 +189,9 @@ def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]
     if not follows:
         yield Trip(_NOT_ENABLED.get(axis.state, Condition.NOT_ENABLED), stop, number)
         return
-    if axis.statusword & Status.FOLLOWING_ERROR or axis.following > policy.following[index]:
+    if axis.statusword & _FOLLOWING_ERROR or axis.following > policy.following[index]:
         yield Trip(Condition.FOLLOWING_ERROR, stop, number)
-    if axis.statusword & Status.INTERNAL_LIMIT_ACTIVE:
+    if axis.statusword & _LIMIT:
         yield Trip(Condition.LIMIT, stop, number)
     if axis.missing >= policy.missing:
         yield Trip(Condition.SILENT, stop, number)
@@ -194,7 +199,7 @@ def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]
         yield Trip(Condition.HEARTBEAT, stop, number)
     if axis.nmt != NmtState.OPERATIONAL:
         yield Trip(Condition.NMT, Reaction.QUICK_STOP, number)
-    if seen.moving and not axis.statusword & Status.FOLLOWS_COMMAND:
+    if seen.moving and not axis.statusword & _FOLLOWS:
         yield Trip(Condition.NOT_FOLLOWING, Reaction.QUICK_STOP, number)
 
 

@@ -80,7 +80,7 @@ class AxisTrack:
         self.silence += cycles
         queue = self._feedback
         if not queue:
-            self.missing += cycles
+            self.missing += 1
             return
         if self.missing or len(queue) > 2:
             while len(queue) > 1:

@@ -1,0 +1,239 @@
+"""A run in progress, as its operator holds it."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from duoglide.arrays import as_number
+from duoglide.control.motion import MotionState
+from duoglide.control.orders import Command, Happening
+from duoglide.control.report import RunReport, Tally, Triple
+from duoglide.errors import BusError, DriveTimeout, DuoglideError, InputError
+
+if TYPE_CHECKING:
+    from duoglide.control.monitor import Monitor
+    from duoglide.control.process import StreamerProcess
+    from duoglide.control.program import Program
+    from duoglide.control.ring import CycleEntry, EventEntry
+    from duoglide.control.run_log import RunLog
+    from duoglide.control.scale import Scale
+
+_SETTLING_CYCLES = 10  # recorded after the end, so that the log shows the carriages arrive
+_SETTLING_PATIENCE = 2.0  # [s]
+
+
+@dataclass(frozen=True, slots=True)
+class RunStatus:
+    """Where a run is now.
+
+    Attributes:
+        state: What it is doing.
+        path_time: Along the trajectory, or along the approach [s].
+        rate: Path time per time.
+        carriages: Where they are [mm].
+        following_error: Of each carriage [mm].
+    """
+
+    state: MotionState
+    path_time: float
+    rate: float
+    carriages: Triple
+    following_error: Triple
+
+
+@dataclass(frozen=True, slots=True)
+class RunPlan:
+    """What a run needs beside its streamer.
+
+    Attributes:
+        approach: What gets it to the start; None where it is there.
+        program: What it runs.
+        override: Rate to begin with.
+        scale: Of the drives.
+        limit_use: Of the trajectory, for the report.
+    """
+
+    approach: Program | None
+    program: Program
+    override: float
+    scale: Scale
+    limit_use: tuple[Triple, Triple, Triple]
+
+
+class RunHandle:
+    """A run in progress. Made by ``Robot.start``; ``wait`` ends it and closes its log.
+
+    Args:
+        plan: What runs.
+        process: The streamer.
+        monitor: Its reader.
+        log: Where records go; entered by this, None for no log.
+    """
+
+    def __init__(
+        self, plan: RunPlan, process: StreamerProcess, monitor: Monitor, log: RunLog | None
+    ) -> None:
+        self._plan, self._process, self._monitor, self._log = plan, process, monitor, log
+        self._tally = Tally(plan.program.number)
+        self._over = threading.Event()
+        self._resources = ExitStack()
+        self._report: RunReport | None = None
+        self._ordered_to_stop = False
+        self._current = 0
+        self._refused = False
+        listeners = (self, self._tally)
+        if log is not None:
+            self._resources.enter_context(log)
+            monitor.attach(*listeners, log)
+        else:
+            monitor.attach(*listeners)
+        first = plan.approach or plan.program
+        process.order(Command.RUN, first.number, plan.override)
+
+    # What the monitor's thread calls
+
+    def add_cycle(self, entry: CycleEntry) -> None:
+        """Nothing to do: the tally counts."""
+
+    def add_event(self, event: EventEntry) -> None:
+        """Go on from the approach to the program, and notice the end."""
+        if event.kind == Happening.REFUSED and event.detail == Command.RUN:
+            self._refused = True
+            self._over.set()
+        elif event.kind == Happening.STOPPED:
+            self._over.set()
+        elif event.kind == Happening.FINISHED:
+            self._finished()
+        elif event.kind == Happening.STARTED:
+            self._current = int(event.value)
+
+    def _finished(self) -> None:
+        if self._plan.approach is not None and self._current == self._plan.approach.number:
+            if self._ordered_to_stop:
+                self._over.set()
+            else:
+                program = self._plan.program.number
+                self._process.order(Command.RUN, program, self._plan.override)
+            return
+        self._tally.completed = True
+        self._over.set()
+
+    # What the operator calls
+
+    def hold(self) -> None:
+        """Come to rest on the path; ``resume`` goes on."""
+        self._process.order(Command.HOLD)
+
+    def resume(self) -> None:
+        """Go on after a hold."""
+        self._process.order(Command.RESUME)
+
+    def set_override(self, override: float) -> None:
+        """Run at this rate, 0 to 1.
+
+        Raises:
+            InputError: Not a number from 0 to 1.
+        """
+        self._process.order(Command.OVERRIDE, 0, require_override(override))
+
+    def stop(self) -> None:
+        """Come to rest on the path and end the run; the drives stay on."""
+        self._ordered_to_stop = True
+        self._process.order(Command.STOP)
+
+    def quick_stop(self) -> None:
+        """Let every drive brake by itself, now; latched until ``Robot.reset_fault``."""
+        self._ordered_to_stop = True
+        self._process.order(Command.QUICK_STOP)
+
+    @property
+    def done(self) -> bool:
+        """Whether the run has come to its end, good or bad."""
+        return self._over.is_set()
+
+    @property
+    def status(self) -> RunStatus:
+        """Where the run is now.
+
+        Raises:
+            BusError: Nothing has been heard of the streamer.
+        """
+        entry = self._monitor.latest
+        if entry is None:
+            raise BusError("the streamer has not reported a cycle yet")
+        scale = self._plan.scale
+        return RunStatus(
+            state=MotionState(entry.motion),
+            path_time=entry.path_time,
+            rate=entry.rate,
+            carriages=_mm(entry.actual, scale),
+            following_error=_mm(entry.following, scale),
+        )
+
+    def wait(self, timeout: float | None = None) -> RunReport:
+        """Wait for the end, close the log, and report.
+
+        Raises:
+            DriveTimeout: The run is not over after ``timeout`` seconds; it goes on.
+            DuoglideError: The streamer is gone, or the log cannot be written; then the run has
+                been stopped.
+        """
+        if self._report is not None:
+            return self._report
+        try:
+            over = self._monitor.wait_until(self._over.is_set, timeout)
+            if not over:
+                raise DriveTimeout(f"the run is not over after {timeout:g} s")
+        except DriveTimeout:
+            raise
+        except DuoglideError:
+            self._abandon()
+            raise
+        return self._finish()
+
+    def _finish(self) -> RunReport:
+        last = self._monitor.latest
+        end = (last.cycle if last else 0) + _SETTLING_CYCLES
+        self._monitor.wait_for(lambda entry: entry.cycle >= end, _SETTLING_PATIENCE)
+        self._monitor.detach()
+        dropped = self._process.ring.dropped
+        path = self._log.path if self._log else None
+        plan = self._plan
+        self._report = self._tally.report(plan.scale, plan.limit_use, dropped, path)
+        if self._log is not None:
+            self._log.add_report(self._report)
+        self._resources.close()
+        return self._report
+
+    def _abandon(self) -> None:
+        """Stop what can be stopped and keep what has been logged."""
+        if self._process.alive:
+            self._process.order(Command.STOP)
+        self._monitor.detach()
+        self._over.set()
+        self._resources.close()
+
+    @property
+    def refused(self) -> bool:
+        """Whether the streamer would not begin."""
+        return self._refused
+
+
+def require_override(override: object) -> float:
+    """Return ``override`` as a float from 0 to 1.
+
+    Raises:
+        InputError: It is not.
+    """
+    value = as_number(override, "override")
+    if not 0.0 <= value <= 1.0:
+        raise InputError(f"override = {value:g}: must be from 0 to 1 (1 is the planned speed)")
+    return value
+
+
+def _mm(increments: tuple[int, int, int], scale: Scale) -> Triple:
+    first, second, third = (scale.millimetres_of(i, value) for i, value in enumerate(increments))
+    return first, second, third

@@ -1,0 +1,168 @@
+"""The host's reader of the ring: a thread that takes records and hands them on."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+from duoglide.control.ring import CycleEntry, EventEntry
+from duoglide.errors import BusError, DuoglideError
+
+if TYPE_CHECKING:
+    from duoglide.control.process import StreamerProcess
+
+_PERIOD = 0.005  # [s] between two looks into the ring
+_DEATH_WATCH = 0.1  # [s] between two looks at the process
+
+
+class Listener(Protocol):
+    """Somebody who wants the records of a run."""
+
+    def add_cycle(self, entry: CycleEntry) -> None:
+        """Take a cycle."""
+        ...
+
+    def add_event(self, event: EventEntry) -> None:
+        """Take an event."""
+        ...
+
+
+class Monitor:
+    """Reads the ring on a thread of its own; a resource: ``close`` it.
+
+    Args:
+        process: The streamer.
+    """
+
+    def __init__(self, process: StreamerProcess) -> None:
+        self._process = process
+        self._news = threading.Condition()
+        self._latest: CycleEntry | None = None
+        self._events: list[EventEntry] = []
+        self._listeners: tuple[Listener, ...] = ()
+        self._failure: DuoglideError | None = None
+        self._gone: BusError | None = None
+        self._closing = False
+        self._thread = threading.Thread(target=self._read, name="duoglide-monitor", daemon=True)
+        self._thread.start()
+
+    @property
+    def latest(self) -> CycleEntry | None:
+        """The newest cycle; None before the first."""
+        return self._latest
+
+    @property
+    def mark(self) -> int:
+        """How many events have come so far: where to begin to wait from."""
+        return len(self._events)
+
+    def wait_for(self, found: Callable[[CycleEntry], bool], timeout: float) -> bool:
+        """Wait until a cycle that begins after this call is as wanted.
+
+        Returns:
+            Whether it came in time.
+
+        Raises:
+            DuoglideError: The streamer is gone, or a listener has failed.
+        """
+        before = self._latest.cycle if self._latest else 0
+        return self._wait(
+            lambda: self._latest is not None
+            and self._latest.cycle > before
+            and found(self._latest),
+            timeout,
+        )
+
+    def wait_for_event(
+        self, wanted: Callable[[EventEntry], bool], timeout: float, mark: int
+    ) -> EventEntry | None:
+        """Wait for the first event after ``mark`` that is wanted; None if it does not come.
+
+        Raises:
+            DuoglideError: The streamer is gone, or a listener has failed.
+        """
+        found: list[EventEntry] = []
+
+        def look() -> bool:
+            found.extend(event for event in self._events[mark:] if wanted(event))
+            return bool(found)
+
+        return found[0] if self._wait(look, timeout) else None
+
+    def wait_until(self, come: Callable[[], bool], timeout: float | None) -> bool:
+        """Wait for something that a listener notices; look again whenever records have come.
+
+        Raises:
+            DuoglideError: The streamer is gone, or a listener has failed.
+        """
+        return self._wait(come, float("inf") if timeout is None else timeout)
+
+    def attach(self, *listeners: Listener) -> None:
+        """Hand every record from now on to these, and to nobody else."""
+        with self._news:
+            self._listeners, self._failure = listeners, None
+
+    def detach(self) -> None:
+        """Hand records to nobody; when this returns no listener is being called."""
+        self.attach()
+
+    def close(self) -> None:
+        """End the thread, after everything that is in the ring has been taken."""
+        self._closing = True
+        self._thread.join()
+
+    def _wait(self, come: Callable[[], bool], timeout: float) -> bool:
+        deadline = time.monotonic() + timeout
+        with self._news:
+            while not come():
+                failure = self._failure or self._gone
+                if failure is not None:
+                    raise failure
+                left = deadline - time.monotonic()
+                if left <= 0.0:
+                    return False
+                self._news.wait(min(left, _DEATH_WATCH))
+        return True
+
+    def _read(self) -> None:
+        next_look = 0.0
+        while not self._closing:
+            time.sleep(_PERIOD)
+            gone = False
+            if time.monotonic() > next_look:
+                next_look = time.monotonic() + _DEATH_WATCH
+                gone = not self._process.alive
+            self._take()
+            if gone:
+                with self._news:
+                    self._gone = BusError(
+                        f"the streamer process {self._process.pid} is gone; the drives have"
+                        " stopped by themselves"
+                    )
+                    self._news.notify_all()
+                return
+        self._take()
+
+    def _take(self) -> None:
+        ring = self._process.ring
+        ring.show_life()
+        with self._news:
+            for entry in ring.drain():
+                self._hand_on(entry)
+            self._news.notify_all()
+
+    def _hand_on(self, entry: CycleEntry | EventEntry) -> None:
+        if isinstance(entry, CycleEntry):
+            self._latest = entry
+        else:
+            self._events.append(entry)
+        try:
+            for listener in self._listeners:
+                if isinstance(entry, CycleEntry):
+                    listener.add_cycle(entry)
+                else:
+                    listener.add_event(entry)
+        except DuoglideError as error:
+            self._failure, self._listeners = error, ()

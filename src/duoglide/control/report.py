@@ -1,0 +1,175 @@
+"""What a run was like."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from duoglide.arrays import AXES
+from duoglide.control.happenings import event_record, trip_of
+from duoglide.control.orders import Happening
+from duoglide.control.ring import CycleEntry, EventEntry
+from duoglide.storage.records import EventRecord, Phase
+
+if TYPE_CHECKING:
+    from duoglide.control.scale import Scale
+    from duoglide.control.supervise import Trip
+
+Triple = tuple[float, float, float]
+_QUANTILES = (0.5, 0.99, 0.999, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lateness:
+    """How long after their deadlines the cycles began [us]."""
+
+    median: float
+    p99: float
+    p999: float
+    worst: float
+
+    @classmethod
+    def of(cls, nanoseconds: array[int]) -> Lateness:
+        """Summarise latenesses [ns]; zeros where there are none."""
+        values = np.frombuffer(nanoseconds, dtype=np.int64) if nanoseconds else np.zeros(1)
+        median, p99, p999, worst = (float(v) * 1e-3 for v in np.quantile(values, _QUANTILES))
+        return cls(median=median, p99=p99, p999=p999, worst=worst)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RunReport:
+    """What a run was like.
+
+    Attributes:
+        completed: Whether it came to the end of its trajectory.
+        cycles: Cycles streamed, approach and stop included.
+        duration: From its first cycle to its last [s].
+        path_time: How far along the trajectory it came [s].
+        lateness: Of its cycles.
+        skipped: Cycles left out because the one before was late.
+        lost: Feedback frames that did not come.
+        following_error: Worst distance of each carriage from its setpoint, each compared with the
+            setpoint that was due [mm].
+        limit_use: Worst use of each carriage's velocity, acceleration and jerk limit by the
+            trajectory at full rate; 1.0 is at the limit.
+        faults: What made it stop, in the order in which it was seen.
+        events: Everything that happened, with its time on the monotonic clock [s].
+        dropped: Records that the host was too slow to take; they are missing in the log.
+        log: Where the log is; None if none was asked for.
+    """
+
+    completed: bool
+    cycles: int
+    duration: float
+    path_time: float
+    lateness: Lateness
+    skipped: int
+    lost: int
+    following_error: Triple
+    limit_use: tuple[Triple, Triple, Triple]
+    faults: tuple[Trip, ...]
+    events: tuple[tuple[float, EventRecord], ...]
+    dropped: int = 0
+    log: Path | None = None
+
+    def __repr__(self) -> str:
+        end = "completed" if self.completed else f"stopped at path time {self.path_time:.3f} s"
+        faults = "".join(f", {trip.words}" for trip in self.faults)
+        worst = ", ".join(f"{error:.3f}" for error in self.following_error)
+        return (
+            f"RunReport({end} in {self.duration:.3f} s, {self.cycles} cycles, {self.skipped}"
+            f" skipped, lateness median {self.lateness.median:.0f} us, worst"
+            f" {self.lateness.worst:.0f} us, following error {worst} mm{faults})"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, for a log or JSON."""
+        return {
+            "completed": self.completed,
+            "cycles": self.cycles,
+            "duration": self.duration,
+            "path_time": self.path_time,
+            "lateness_us": {
+                "median": self.lateness.median,
+                "p99": self.lateness.p99,
+                "p999": self.lateness.p999,
+                "worst": self.lateness.worst,
+            },
+            "skipped": self.skipped,
+            "lost": self.lost,
+            "following_error": list(self.following_error),
+            "limit_use": [list(row) for row in self.limit_use],
+            "faults": [trip.words for trip in self.faults],
+            "dropped": self.dropped,
+        }
+
+
+@dataclass(slots=True)
+class Tally:
+    """Counts while a run goes on; the monitor's thread feeds it, ``report`` sums up.
+
+    Attributes:
+        program: Number of the program itself; an approach has another.
+    """
+
+    program: int
+    lateness: array[int] = field(default_factory=lambda: array("q"))
+    worst: list[int] = field(default_factory=lambda: [0] * AXES)
+    skipped: int = 0
+    lost: int = 0
+    path_time: float = 0.0
+    first: int = 0
+    last: int = 0
+    completed: bool = False
+    faults: list[Trip] = field(default_factory=list)
+    events: list[tuple[float, EventRecord]] = field(default_factory=list)
+
+    def add_cycle(self, entry: CycleEntry) -> None:
+        """Count a cycle."""
+        self.lateness.append(entry.lateness)
+        self.skipped += entry.skipped
+        self.lost += entry.missing.bit_count()
+        self.first = self.first or entry.time
+        self.last = entry.time
+        for axis, error in enumerate(entry.following):
+            if abs(error) > self.worst[axis]:
+                self.worst[axis] = abs(error)
+        if entry.run == self.program and entry.phase in (Phase.PROGRAM, Phase.STOP):
+            self.path_time = entry.path_time
+
+    def add_event(self, event: EventEntry) -> None:
+        """Keep an event."""
+        self.events.append((event.time * 1e-9, event_record(event)))
+        if event.kind == Happening.TRIP:
+            self.faults.append(trip_of(event))
+
+    def report(
+        self,
+        scale: Scale,
+        limit_use: tuple[Triple, Triple, Triple],
+        dropped: int,
+        log: Path | None,
+    ) -> RunReport:
+        """Sum up."""
+        first, second, third = (
+            error / abs(factor) for error, factor in zip(self.worst, scale.factors, strict=True)
+        )
+        return RunReport(
+            completed=self.completed,
+            cycles=len(self.lateness),
+            duration=(self.last - self.first) * 1e-9,
+            path_time=self.path_time,
+            lateness=Lateness.of(self.lateness),
+            skipped=self.skipped,
+            lost=self.lost,
+            following_error=(first, second, third),
+            limit_use=limit_use,
+            faults=tuple(self.faults),
+            events=tuple(self.events),
+            dropped=dropped,
+            log=log,
+        )

@@ -1,0 +1,91 @@
+"""The log of a run: documents first, then one message a cycle, and events as they come."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from duoglide.control.happenings import event_record
+from duoglide.control.ring import CycleEntry, EventEntry
+from duoglide.drives.linear_axis import eds_sha256
+from duoglide.storage import CycleRecord, Document, LogKind, LogWriter, Topic
+from duoglide.storage.records import Phase
+
+if TYPE_CHECKING:
+    from duoglide.control.report import RunReport
+    from duoglide.machine import Machine
+    from duoglide.motion.trajectory import Trajectory
+
+_PHASES = {int(phase): phase for phase in Phase}
+
+
+class RunLog:
+    """A run's log file; a resource: opens in ``with``.
+
+    Args:
+        path: Where to write.
+        machine: That runs.
+        trajectory: What it runs.
+        approach: How it gets to the start first; None where it is there.
+        bus: Name of the bus.
+
+    Raises:
+        LogError: The file cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        machine: Machine,
+        trajectory: Trajectory,
+        approach: Trajectory | None,
+        bus: str,
+    ) -> None:
+        self.path = path
+        self._writer = LogWriter(path, LogKind.RUN, {"eds_sha256": eds_sha256(), "bus": bus})
+        self._documents = {
+            Document.MACHINE: machine.to_dict(),
+            Document.TRAJECTORY: trajectory.to_document(),
+        }
+        if approach is not None:
+            self._documents[Document.APPROACH] = approach.to_document()
+
+    def __enter__(self) -> Self:
+        self._writer.__enter__()
+        for name, document in self._documents.items():
+            self._writer.attach(name, document)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._writer.__exit__(kind, error, trace)
+
+    def add_cycle(self, entry: CycleEntry) -> None:
+        """Write a cycle."""
+        record = CycleRecord(
+            cycle=entry.cycle,
+            phase=_PHASES[entry.phase],
+            path_time=entry.path_time,
+            rate=entry.rate,
+            setpoint=entry.setpoint,
+            actual=entry.actual,
+            controlword=entry.controlword,
+            statusword=entry.statusword,
+            lateness=entry.lateness // 1000,
+            missing=entry.missing,
+        )
+        self._writer.write(Topic.CYCLE, entry.time * 1e-9, record)
+
+    def add_event(self, event: EventEntry) -> None:
+        """Write an event; it is on disk soon, for it may be the last."""
+        self._writer.write(Topic.EVENT, event.time * 1e-9, event_record(event))
+        self._writer.flush()
+
+    def add_report(self, report: RunReport) -> None:
+        """Write the summary."""
+        self._writer.attach(Document.REPORT, report.to_dict())
