@@ -1,0 +1,82 @@
+"""Dimensions of the mechanism as exact numbers or as the paper's symbols."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from duoglide.errors import ConfigError
+from duoglide.machine import Geometry
+
+
+def require_sympy() -> Any:
+    """Return the module sympy.
+
+    Raises:
+        ConfigError: It is not installed.
+    """
+    try:
+        import sympy
+    except ImportError as error:
+        raise ConfigError(
+            "symbolic derivations need sympy, which is not installed; pip install"
+            " 'duoglide[symbolic]'"
+        ) from error
+    return sympy
+
+
+@dataclass(frozen=True, slots=True)
+class Dimensions:
+    """The dimensions that enter the loops, as sympy expressions, under the paper's symbols."""
+
+    b: Any
+    d: Any
+    l1: Any
+    l2: Any
+    l3: Any
+    l4: Any
+    l6: Any
+    l7: Any
+    l8: Any
+    l9: Any
+
+    @classmethod
+    def symbols(cls) -> Dimensions:
+        """Return every dimension as a symbol.
+
+        Raises:
+            ConfigError: sympy is not installed.
+        """
+        return cls(*require_sympy().symbols("b d l1 l2 l3 l4 l6 l7 l8 l9"))
+
+    @classmethod
+    def of(cls, geometry: Geometry) -> Dimensions:
+        """Return the dimensions of ``geometry`` as exact rationals of their decimal digits.
+
+        Raises:
+            ConfigError: sympy is not installed.
+        """
+        sympy = require_sympy()
+        values = (
+            geometry.rail_half_spacing,
+            geometry.platform_half_width,
+            geometry.carriage_height,
+            geometry.leg_length,
+            geometry.coupler_length,
+            geometry.riser_height,
+            geometry.arm_length,
+            geometry.arm_drop,
+            geometry.strut_drop,
+            geometry.strut_length,
+        )
+        return cls(*(sympy.Rational(repr(value)) for value in values))
+
+    @property
+    def half_offset(self) -> Any:
+        """K = b - d: x of the platform where the arm stands upright."""
+        return self.b - self.d
+
+    @property
+    def lift(self) -> Any:
+        """E = l4 + l7 - l8: what F3 of Eq. 11 has beside the rise of the legs."""
+        return self.l4 + self.l7 - self.l8
