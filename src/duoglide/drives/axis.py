@@ -1,0 +1,260 @@
+"""One drive, as the host sees it: objects, states, homing. Blocking calls over SDO.
+
+Everything here is for bring-up and shut-down: nothing may be called from a callback of the bus,
+and nothing belongs in the cycle.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from duoglide.drives import pdo
+from duoglide.drives.cia402 import (
+    Control,
+    Mode,
+    State,
+    Status,
+    controlword_towards,
+    decode,
+    emergency_words,
+)
+from duoglide.drives.configure import Identity, configure, identify, wait_for_boot
+from duoglide.drives.drive_objects import DriveObjects
+from duoglide.errors import DriveFault, DriveTimeout
+
+_PAUSE = 0.002  # between two looks at a statusword [s]
+_STATE_PATIENCE = 2.0  # how long a drive may take for one change of state [s]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisReport:
+    """What a drive says while nothing is asked of it: for commissioning."""
+
+    axis: int
+    node_id: int
+    identity: Identity
+    state: State
+    error: str
+    position: float  # [mm], meaningful once homed
+    homed: bool
+    safe_torque_off: bool
+
+
+class Axis(DriveObjects):
+    """One drive: ``DriveObjects`` and what one does with them."""
+
+    # -- bring-up -----------------------------------------------------------------------------
+
+    def wait_for_boot(self) -> None:
+        """Wait until the drive answers at all; DriveTimeout after ``boot_timeout``."""
+        wait_for_boot(self)
+
+    def identify(self) -> Identity:
+        """Find out what the drive is; DriveError if it is not what the machine file says."""
+        return identify(self)
+
+    def configure(self, travel: tuple[float, float] | None = None) -> None:
+        """Write everything that the drive must know before it gets power.
+
+        Args:
+            travel: Software limits, 0x607D [mm]; None leaves those of the drive.
+        """
+        if self.read_state() in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+            self.go_to(State.SWITCH_ON_DISABLED)  # somebody left it under power
+        configure(self, travel)
+
+    # -- what it says -------------------------------------------------------------------------
+
+    def read_statusword(self) -> int:
+        """Return the statusword, 0x6041."""
+        return self.read(0x6041)
+
+    def read_state(self) -> State:
+        """Return the state; DriveError if the statusword means none."""
+        return decode(self.read_statusword())
+
+    def read_position(self) -> float:
+        """Return where the drive says the carriage is [mm]."""
+        return self.scale.to_mm(self.read(0x6064))
+
+    def read_inputs(self) -> int:
+        """Return the digital inputs, 0x60FD; 0 where the drive has none."""
+        return self.read(0x60FD) if self.has(0x60FD) else 0
+
+    def read_homed(self) -> bool:
+        """Whether the drive remembers its reference; False where it cannot say."""
+        return self.has(0x2010) and self.read(0x2010) == 1
+
+    def safe_torque_off(self) -> bool:
+        """Whether the safe torque off circuit is open."""
+        return bool(self.read_inputs() & pdo.INTERLOCK)
+
+    def fault(self) -> DriveFault:
+        """Make the error for the fault that the drive is in."""
+        code = self.read(0x603F)
+        return DriveFault(
+            f"axis {self.number} (node {self.node_id}): fault 0x{code:04X},"
+            f" {emergency_words(code)}",
+            axis=self.number,
+            code=code,
+        )
+
+    def describe(self) -> AxisReport:
+        """Ask the drive what it is and how it is; changes nothing."""
+        code = self.read(0x603F)
+        return AxisReport(
+            axis=self.number,
+            node_id=self.node_id,
+            identity=self.identify(),
+            state=self.read_state(),
+            error=emergency_words(code) if code else "",
+            position=self.read_position(),
+            homed=self.read_homed(),
+            safe_torque_off=self.safe_torque_off(),
+        )
+
+    # -- states -------------------------------------------------------------------------------
+
+    def enable(self) -> None:
+        """Bring the drive to OPERATION_ENABLED in CSP, holding where it stands.
+
+        Raises:
+            DriveFault: It is in fault; ``reset_fault`` is asked for on purpose.
+            DriveError: Safe torque off, or it does not go into CSP.
+            DriveTimeout: It does not get there.
+        """
+        if self.safe_torque_off():
+            raise self.error("safe torque off is active; close its circuit first", 0x5441)
+        self.set_mode(Mode.CYCLIC_SYNCHRONOUS_POSITION)
+        self.go_to(State.SWITCHED_ON)
+        self.write(0x607A, 0, self.read(0x6064))  # or it would jump to an old target
+        self.go_to(State.OPERATION_ENABLED)
+
+    def disable(self) -> None:
+        """Bring the drive to SWITCH_ON_DISABLED, step by step; a fault stays one."""
+        if self.read_state() is State.OPERATION_ENABLED:
+            self.go_to(State.SWITCHED_ON)
+        if self.read_state() not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            self.go_to(State.SWITCH_ON_DISABLED)
+
+    def quick_stop(self) -> None:
+        """Ask for a quick stop; it brakes at 0x6085."""
+        self.write(0x6040, 0, Control.QUICK_STOP)
+
+    def reset_fault(self) -> None:
+        """Acknowledge a fault, by a rising edge; nothing happens without one.
+
+        Raises:
+            DriveFault: The cause persists.
+        """
+        if self.read_state() not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            return
+        self._await(lambda: self.read_state() is not State.FAULT_REACTION_ACTIVE, "end braking")
+        self.write(0x6040, 0, Control.DISABLE_VOLTAGE)
+        self.write(0x6040, 0, Control.FAULT_RESET)
+        try:
+            self._await(lambda: self.read_state() is not State.FAULT, "reset", 0.5)
+        except DriveTimeout as error:
+            raise self.fault() from error
+        finally:
+            self.write(0x6040, 0, Control.DISABLE_VOLTAGE)
+
+    def set_outputs(self, word: int) -> None:
+        """Set the digital outputs, 0x60FE:1; bit 0 sets the holding brake."""
+        self.write(0x60FE, 1, word)
+
+    def set_mode(self, mode: Mode) -> None:
+        """Choose the mode of operation and wait until the drive is in it."""
+        self.write(0x6060, 0, mode)
+        self._await(lambda: self.read(0x6061) == mode, f"go into mode {mode.value}")
+
+    def go_to(self, goal: State) -> None:
+        """Walk to a state, one transition after the other.
+
+        Raises:
+            DriveFault: The drive is in fault, or falls into it on the way.
+            DriveTimeout: A transition takes too long.
+        """
+        deadline = time.monotonic() + _STATE_PATIENCE
+        while (state := self.read_state()) is not goal:
+            if state is State.FAULT:
+                raise self.fault()
+            if time.monotonic() > deadline:
+                raise DriveTimeout(
+                    f"axis {self.number} (node {self.node_id}): stays in {state.words}"
+                    f" for {_STATE_PATIENCE:g} s instead of going to {goal.words}",
+                    axis=self.number,
+                )
+            word = controlword_towards(state, goal)
+            if word is not None:
+                self.write(0x6040, 0, word)
+            time.sleep(_PAUSE)
+
+    def _await(
+        self, reached: Callable[[], bool], what: str, patience: float = _STATE_PATIENCE
+    ) -> None:
+        deadline = time.monotonic() + patience
+        while not reached():
+            if time.monotonic() > deadline:
+                raise DriveTimeout(
+                    f"axis {self.number} (node {self.node_id}): does not {what}"
+                    f" within {patience:g} s",
+                    axis=self.number,
+                )
+            time.sleep(_PAUSE)
+
+    # -- homing -------------------------------------------------------------------------------
+
+    def start_homing(self, position: float) -> None:
+        """Begin homing; the drive must be enabled.
+
+        Args:
+            position: Where the carriage is once homing ends [mm]. Method 37: where it stands.
+        """
+        homing = self.settings.homing
+        self.set_mode(Mode.HOMING)
+        self.write_checked(0x6098, 0, homing.method[self.number - 1])
+        offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
+        for index, sub, value in (
+            (0x607C, 0, offset),
+            (0x6099, 1, self.scale.magnitude(homing.search_speed)),
+            (0x6099, 2, self.scale.magnitude(homing.creep_speed)),
+            (0x609A, 0, self.scale.magnitude(homing.acceleration)),
+        ):
+            if self.has(index):
+                self.write_checked(index, sub, value)
+        self.write(0x6040, 0, Control.ENABLE_OPERATION)
+        self.write(0x6040, 0, Control.START_HOMING)
+
+    def homing_done(self) -> bool:
+        """Whether the drive has found its reference and stands.
+
+        Raises:
+            DriveError: Homing has failed.
+            DriveFault: The drive is in fault.
+        """
+        word = self.read_statusword()
+        if decode(word) is State.FAULT:
+            raise self.fault()
+        if word & Status.HOMING_ERROR:
+            raise self.error("homing has failed", 0x8613)
+        done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
+        return word & done == done
+
+    def end_homing(self, position: float) -> None:
+        """Go back to CSP and see that the drive now counts from the right place.
+
+        Raises:
+            DriveError: 0x6064 is not what it should be: vendors differ in the sign of 0x607C.
+        """
+        self.write(0x6040, 0, Control.ENABLE_OPERATION)
+        self.write(0x607A, 0, self.read(0x6064))
+        self.set_mode(Mode.CYCLIC_SYNCHRONOUS_POSITION)
+        says = self.read_position()
+        if abs(says - position) > self.settings.following_error_window:
+            raise self.error(
+                f"says {says:.3f} mm after homing, should say {position:.3f} mm;"
+                " drives.quirks home_offset_sign may be wrong"
+            )

@@ -1,0 +1,216 @@
+"""Bring-up of one drive: who it is, then everything it must know before it gets power.
+
+The order is that of real drives: identity first, PDO mapping with its own ritual, then timing,
+watchdogs, stops and limits; everything that can be is read back.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from duoglide.drives import pdo
+from duoglide.drives.cia402 import Mode
+from duoglide.drives.drive_objects import DriveObjects
+from duoglide.drives.sdo_client import SdoRefusalError
+from duoglide.errors import ConfigError, DriveTimeout
+
+_PROFILE = 402
+_INVALID = 1 << 31  # of a PDO's COB-ID
+_ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
+_RAMP = 1  # 0x605B, 0x605C: brake first
+_RAMP_QUICK = 2  # 0x605D, 0x605E: brake at 0x6085
+
+
+@dataclass(frozen=True, slots=True)
+class PdoMap:
+    """How one PDO shall be mapped.
+
+    Attributes:
+        parameters: 0x14xx or 0x18xx.
+        mapping: 0x16xx or 0x1Axx.
+        cob_id: Identifier without the node number.
+        kind: Transmission type.
+        entries: Index, sub-index and bits of each object in it.
+    """
+
+    parameters: int
+    mapping: int
+    cob_id: int
+    kind: int
+    entries: tuple[tuple[int, int, int], ...]
+
+
+PDO_MAPS = (
+    PdoMap(0x1400, 0x1600, pdo.RPDO1, pdo.SYNCHRONOUS, pdo.RPDO1_MAPPING),
+    PdoMap(0x1401, 0x1601, pdo.RPDO2, pdo.ON_EVENT, pdo.RPDO2_MAPPING),
+    PdoMap(0x1800, 0x1A00, pdo.TPDO1, pdo.SYNCHRONOUS, pdo.TPDO1_MAPPING),
+    PdoMap(0x1801, 0x1A01, pdo.TPDO2, pdo.ON_EVENT, pdo.TPDO2_MAPPING),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a drive says it is (0x1000, 0x1008, 0x1018, 0x6502)."""
+
+    device_type: int
+    vendor_id: int
+    product_code: int
+    revision: int
+    serial: int
+    name: str
+    modes: int
+
+
+def wait_for_boot(drive: DriveObjects) -> None:
+    """Wait until a drive answers at all; drives may boot later than the host.
+
+    Raises:
+        DriveTimeout: Nothing within ``boot_timeout``; says which nodes were heard.
+    """
+    deadline = time.monotonic() + drive.settings.boot_timeout
+    while True:
+        try:
+            drive.read(0x1000, timeout=0.1)
+            return
+        except DriveTimeout:
+            if time.monotonic() < deadline:
+                continue
+        heard = sorted(set(drive.network.scanner.nodes) - {drive.settings.host_id})
+        others = f"nodes heard: {', '.join(map(str, heard))}" if heard else "no node was heard"
+        raise DriveTimeout(
+            f"axis {drive.number}: node {drive.node_id} does not answer for"
+            f" {drive.settings.boot_timeout:g} s; {others}. Its supply, its node number and its"
+            f" bit rate ({drive.settings.bit_rate} bit/s) are the first things to check",
+            axis=drive.number,
+        )
+
+
+def identify(drive: DriveObjects) -> Identity:
+    """Find out what a drive is, and refuse one that is not what the machine file says.
+
+    Raises:
+        DriveError: Not a CiA 402 drive, another vendor or product, or no cyclic synchronous
+            position.
+    """
+    device_type = drive.read(0x1000)
+    if device_type & 0xFFFF != _PROFILE:
+        raise drive.error(
+            f"is no CiA 402 drive: 0x1000 says profile {device_type & 0xFFFF}, not {_PROFILE}"
+        )
+    identity = Identity(
+        device_type=device_type,
+        vendor_id=drive.read(0x1018, 1),
+        product_code=drive.read(0x1018, 2),
+        revision=drive.read(0x1018, 3),
+        serial=drive.read(0x1018, 4),
+        name=_name(drive),
+        modes=drive.read(0x6502),
+    )
+    for key in ("vendor_id", "product_code"):
+        says, wanted = getattr(identity, key), getattr(drive.quirks, key)
+        if wanted not in (0, says):
+            raise drive.error(
+                f"{key} is 0x{says:08X}, the machine file wants 0x{wanted:08X}:"
+                " another drive, or drives.quirks is for another one"
+            )
+    if not identity.modes & Mode.CYCLIC_SYNCHRONOUS_POSITION.supported_bit:
+        raise drive.error(
+            f"does not know cyclic synchronous position: 0x6502 is 0x{identity.modes:08X},"
+            " bit 7 is not set"
+        )
+    return identity
+
+
+def _name(drive: DriveObjects) -> str:
+    try:
+        return drive.read_text(0x1008)
+    except SdoRefusalError:  # optional in CiA 301
+        return ""
+
+
+def configure(drive: DriveObjects, travel: tuple[float, float] | None) -> None:
+    """Write everything that a drive must know before it gets power.
+
+    Args:
+        drive: The drive, without power.
+        travel: Software limits, 0x607D [mm]; None leaves those of the drive.
+    """
+    drive.command(pdo.Nmt.ENTER_PRE_OPERATIONAL)
+    for wanted in PDO_MAPS:
+        if all(drive.has(index) for index, _, _ in wanted.entries):
+            map_pdo(drive, wanted)
+    for index, sub, value in _settings(drive, travel):
+        if drive.has(index):
+            drive.write_checked(index, sub, value)
+    for index, sub, value, size in drive.quirks.writes:
+        drive.write_bytes(index, sub, value.to_bytes(size, "little", signed=value < 0))
+
+
+def map_pdo(drive: DriveObjects, wanted: PdoMap) -> None:
+    """Map one PDO in the order of CiA 301, 7.5.2.36, and read it back; in PRE-OPERATIONAL."""
+    cob_id = wanted.cob_id + drive.node_id
+    drive.write(wanted.parameters, 1, cob_id | _INVALID)
+    drive.write_checked(wanted.parameters, 2, wanted.kind)
+    drive.write(wanted.mapping, 0, 0)
+    for position, (index, sub, bits) in enumerate(wanted.entries, start=1):
+        drive.write_checked(wanted.mapping, position, index << 16 | sub << 8 | bits)
+    drive.write_checked(wanted.mapping, 0, len(wanted.entries))
+    drive.write(wanted.parameters, 1, cob_id)
+    kept = drive.read(wanted.parameters, 1)
+    if kept & (_INVALID | 0x7FF) != cob_id:  # some drives set the "no RTR" bit by themselves
+        raise drive.error(
+            f"0x{wanted.parameters:04X}:1 was written as 0x{cob_id:X} but reads 0x{kept:X}"
+        )
+
+
+def _settings(
+    drive: DriveObjects, travel: tuple[float, float] | None
+) -> list[tuple[int, int, int]]:
+    """Return the objects to write: timing, watchdogs, stops and limits."""
+    settings, quirks, scale = drive.settings, drive.quirks, drive.scale
+    value, exponent = interpolation_time(settings.cycle)
+    timeout = _milliseconds(settings.heartbeat_timeout)
+    objects = [
+        (0x60C2, 1, value),
+        (0x60C2, 2, exponent),
+        (0x1006, 0, round(settings.cycle * 1e6)),
+        (0x1016, 1, settings.host_id << 16 | timeout),
+        (0x1017, 0, _milliseconds(settings.heartbeat_period)),
+        (0x1029, 1, 0),
+        (0x6007, 0, _ABORT_QUICK_STOP),
+        (0x605A, 0, quirks.quick_stop_option),
+        (0x605B, 0, _RAMP),
+        (0x605C, 0, _RAMP),
+        (0x605D, 0, _RAMP_QUICK),
+        (0x605E, 0, _RAMP_QUICK),
+        (0x6065, 0, scale.magnitude(settings.following_error_window)),
+        (0x6066, 0, _milliseconds(settings.following_error_time)),
+        (0x6085, 0, scale.magnitude(settings.quick_stop_deceleration[drive.number - 1])),
+    ]
+    if quirks.setpoint_timer:
+        objects.append((0x1400, 5, _milliseconds(settings.setpoint_patience)))
+    if travel is not None:
+        low, high = sorted(map(scale.to_increments, travel))
+        objects += [(0x607D, 1, low), (0x607D, 2, high)]
+    return objects
+
+
+def interpolation_time(cycle: float) -> tuple[int, int]:
+    """Return the cycle as 0x60C2 has it: a value of 1 to 255 and a power of ten.
+
+    Raises:
+        ConfigError: The cycle cannot be written that way.
+    """
+    for exponent in (-2, -3, -4, -5, -6):
+        value = round(cycle / 10.0**exponent)
+        if 1 <= value <= 255 and abs(value * 10.0**exponent - cycle) < 1e-9:
+            return value, exponent
+    raise ConfigError(
+        f"cycle = {cycle:g}: 0x60C2 cannot say that; use 1 to 255 times a power of ten [s]"
+    )
+
+
+def _milliseconds(seconds: float) -> int:
+    """Round up: a watchdog must not be shorter than asked."""
+    return min(-int(-seconds * 1e3 // 1), 0xFFFF)
