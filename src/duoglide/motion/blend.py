@@ -27,6 +27,13 @@ _HERMITE = np.array(  # powers of u of the six Hermite conditions p, p', p'' at 
         [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
     ]
 )
+_EXPONENTS = np.arange(11.0)
+_FOLD = (  # products of two polynomials of degree 5, as a matrix
+    np.add.outer(np.arange(6), np.arange(6)).reshape(36, 1) == np.arange(11)
+).astype(np.float64)
+_GRID = np.linspace(0.0, 1.0, 33)
+_GRID_POWERS = _GRID ** _EXPONENTS[:, None]
+_NEWTON = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,29 +111,16 @@ def nearest(coefficients: FloatArray, point: FloatArray) -> tuple[FloatArray, Fl
     """
     shifted = coefficients.copy()
     shifted[:, 0] -= point
-    grid = np.linspace(0.0, 1.0, 33)
-    powers = grid[:, None] ** np.arange(shifted.shape[1])
-    squares = np.sum(np.einsum("gj,njk->ngk", powers, shifted) ** 2, axis=-1)
-    best = np.argmin(squares, axis=1)
-    low = grid[np.maximum(best - 1, 0)]
-    high = grid[np.minimum(best + 1, grid.size - 1)]
-    u = grid[best]
-    for _ in range(6):  # Newton on the derivative of the squared distance, kept in its bracket
-        p, d1, d2 = _two_derivatives(shifted, u)
-        slope = np.sum(p * d1, axis=-1)
-        bend = np.sum(d1 * d1 + p * d2, axis=-1)
+    squares = (shifted @ shifted.transpose(0, 2, 1)).reshape(-1, 36) @ _FOLD  # of the distance
+    best = np.argmin(squares @ _GRID_POWERS, axis=1)
+    low, high = _GRID[np.maximum(best - 1, 0)], _GRID[np.minimum(best + 1, _GRID.size - 1)]
+    u, slopes = _GRID[best], squares[:, 1:] * _EXPONENTS[1:]
+    bends = slopes[:, 1:] * _EXPONENTS[1:-1]
+    for _ in range(_NEWTON):  # on the derivative, kept in its bracket
+        powers = u[:, None] ** _EXPONENTS[:-1]
+        slope, bend = (slopes * powers).sum(axis=1), (bends * powers[:, :-1]).sum(axis=1)
         high, low = np.where(slope > 0.0, u, high), np.where(slope > 0.0, low, u)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = u - slope / bend
-        u = np.where((bend > 0.0) & (step >= low) & (step <= high), step, 0.5 * (low + high))
-    return u, np.linalg.norm(_two_derivatives(shifted, u)[0], axis=-1)
-
-
-def _two_derivatives(c: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    u = u[:, None]
-    p, d1, d2 = c[:, -1], np.zeros_like(c[:, -1]), np.zeros_like(c[:, -1])
-    for k in range(c.shape[1] - 2, -1, -1):
-        d2 = d2 * u + d1
-        d1 = d1 * u + p
-        p = p * u + c[:, k]
-    return p, d1, 2.0 * d2
+        step = u - slope / np.where(bend > 0.0, bend, np.inf)
+        u = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+    offset = ((u[:, None] ** _EXPONENTS[:6])[..., None] * shifted).sum(axis=1)
+    return u, np.sqrt((offset * offset).sum(axis=1))

@@ -14,7 +14,7 @@ from duoglide.motion.curve import Curve
 UNEVEN = 3.0  # the longer cut-back over the shorter, at most
 WIDEST = 0.5  # [rad] of an arc that a blend may take
 _EXACT = 1e-9  # relative, to which the tolerance is used, from below
-_ROUNDS = 60
+_ROUNDS = 80
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,32 +95,31 @@ def _fit(
         a, b = np.minimum(cut, limit_a[rows]), np.minimum(cut, limit_b[rows])
         return deviations(curve, left[rows], a, b, shape[rows])
 
+    low = np.zeros(goal.size)
     high = np.maximum(limit_a, limit_b)
-    every = np.arange(high.size)
-    worst = deviation(high, every)
-    met = worst > goal
-    rows = np.flatnonzero(met)
-    low, top = np.zeros(rows.size), high[rows]
-    known_cut, known = top.copy(), worst[rows]
-    cut, power = top * np.minimum(goal[rows] / known, 0.9), np.ones(rows.size)
-    result = high.copy()
-    for _ in range(_ROUNDS):
-        if rows.size == 0:
-            break
+    cut = np.minimum(limit_a, limit_b)  # equal cut-backs: between lines the deviation grows with it
+    rows, known_cut, known = np.arange(goal.size), np.ones(goal.size), np.ones(goal.size)
+    result, met, power = np.empty(goal.size), np.zeros(goal.size, dtype=bool), np.ones(goal.size)
+    for turn in range(_ROUNDS):
         value = deviation(cut, rows)
-        target = goal[rows]
-        over = value > target
-        low, top = np.where(over, low, cut), np.where(over, cut, top)
+        over = value > goal[rows]
+        low, high = np.where(over, low, cut), np.where(over, cut, high)
+        met[rows] |= over
         result[rows] = low
-        with np.errstate(divide="ignore", invalid="ignore"):
-            power = np.log(value / known) / np.log(cut / known_cut)
-            step = cut * (target * (1.0 - 0.1 * _EXACT) / value) ** (1.0 / power)
-        usable = np.isfinite(step) & (step > low) & (step < top)
-        going = (np.abs(value - target) > _EXACT * target) | over
-        going &= top - low > 1e-15 * top
-        known_cut, known = cut[going], value[going]
-        cut = np.where(usable, step, 0.5 * (low + top))[going]
-        rows, low, top = rows[going], low[going], top[going]
+        near = (~over & (value >= (1.0 - _EXACT) * goal[rows])) | (high - low < 1e-15 * high)
+        met[rows] |= near & (high > low)
+        if turn:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                power = np.log(value / known) / np.log(cut / known_cut)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            step = cut * (goal[rows] * (1.0 - 0.1 * _EXACT) / value) ** (1.0 / power)
+        usable = np.isfinite(step) & (step > low) & (step < high)
+        following = np.where(usable, step, np.where(met[rows], 0.5 * (low + high), high))
+        going = np.flatnonzero(~near & (following != cut))
+        if going.size == 0:
+            break
+        known_cut, known, cut = cut[going], value[going], following[going]
+        rows, low, high, power = rows[going], low[going], high[going], power[going]
     return np.minimum(result, limit_a), np.minimum(result, limit_b), met
 
 

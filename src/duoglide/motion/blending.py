@@ -152,8 +152,8 @@ def _assemble(
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
     keep = all_spans > 0.0
-    degree = max(kept.shape[1], bends.shape[1] if left.size else 0)
-    chain = np.concatenate([_padded(kept, degree), _padded(bends, degree)])[order][keep]
+    rows = max(kept.shape[1], bends.shape[1] if left.size else 0)
+    chain = np.concatenate([_padded(kept, rows), _padded(bends[:, :rows], rows)])[order][keep]
     rates = np.concatenate([curve.rates, np.zeros(left.size)])[order][keep]
     joints = ends[place[raw.joints]]
     rests = np.unique(joints[rest])

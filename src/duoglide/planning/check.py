@@ -5,68 +5,70 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.errors import PathError
-from duoglide.kinematics.model import inverse, reachable
-from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.model import forward, inverse
 from duoglide.machine import Machine
 from duoglide.motion.blending import RoundedPath, round_corners
-from duoglide.motion.checked import CheckedPath, CheckReport, LeastMargin, SpeedCap
+from duoglide.motion.checked import CheckedPath, SpeedCap
+from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
+from duoglide.motion.path_segments import show
+from duoglide.planning.check_least import least_margins
+from duoglide.planning.check_refusal import refusal
+from duoglide.planning.check_rules import Rules
+from duoglide.planning.check_search import search
 
 
 def check_path(machine: Machine, path: Path) -> CheckedPath:
-    """Check that a machine can follow a path.
+    """Certify that a machine can follow a path, at every point of its rounded curve.
+
+    Reach, the clearance from singular surfaces, the travel of the carriages, the distance between
+    carriages 1 and 2, and the keep-out boxes are checked between samples too. A margin within 1e-7
+    mm of what is required counts as touching, and is refused; one that is 1e-6 mm better passes.
+
+    Args:
+        machine: The machine.
+        path: What the tool's tip is to do, in the work frame.
+
+    Returns:
+        The curve of the platform's centre with its blends fixed, and the least margins along it.
 
     Raises:
-        PathError: Names where, what and by how much.
+        PathError: Blends overlap, or the machine cannot follow: names where along the path, at
+            which position, what and by how much, and what would pass.
     """
     rounded = round_corners(path)
     curve = rounded.curve.moved(np.subtract(machine.work_frame, machine.tool_offset))
-    sigma = np.unique(np.concatenate([np.linspace(0, curve.end, 2000), curve.breaks]))
-    points = curve.position(sigma)
-    fine = reachable(machine.geometry, points)
-    if not fine.all():
-        i = int(np.argmin(fine))
-        raise PathError(
-            f"out of reach at {points[i]}",
-            arc_length=float(curve.arc_length(float(sigma[i]))),
-            position=points[i].tolist(),
-            quantity="reach",
-            amount=0.0,
-        )
-    q = inverse(machine.geometry, points)
-    a = machine.geometry.rail_half_length
-    table = {
-        "clearance": (clearance(machine.geometry, points), machine.clearance),
-        **{f"travel_{i + 1}": (a - np.abs(q[:, i]), 0.0) for i in range(3)},
-        "order": (q[:, 1] - q[:, 0], machine.carriage_width),
-    }
-    least = []
-    for family, (values, required) in table.items():
-        i = int(np.argmin(values - required))
-        s = float(curve.arc_length(float(sigma[i])))
-        if values[i] < required + 1e-7:
-            raise PathError(
-                f"{family} {values[i]:.6g} mm, needs {required:g} mm, at {points[i]} mm, {s:.6g} mm along",
-                arc_length=s,
-                position=points[i].tolist(),
-                quantity=family,
-                amount=float(required - values[i]),
-            )
-        least.append(
-            LeastMargin(
-                family, float(values[i]), required, float(sigma[i]), s, tuple(points[i].tolist())
-            )
-        )
-    actions = tuple((float(rounded.waypoints[i]), action) for i, action in path.actions)
+    rules = Rules.of(machine, curve)
+    found = search(rules)
+    if found.failed_at < np.inf:
+        raise refusal(rules, found.failed_at)
+    _require_assembly(machine, curve)
+    waypoints = rounded.waypoints.tolist()
     return CheckedPath(
-        machine,
-        path,
-        curve,
-        CheckReport(tuple(least)),
-        tuple(rounded.waypoints.tolist()),
-        actions,
-        speed_caps(path, rounded),
+        machine=machine,
+        path=path,
+        curve=curve,
+        report=least_margins(rules, found),
+        waypoints=tuple(waypoints),
+        actions=tuple((waypoints[i], action) for i, action in path.actions),
+        speed_caps=speed_caps(path, rounded),
     )
+
+
+def _require_assembly(machine: Machine, curve: Curve) -> None:
+    """Refuse a path beyond a singular surface that the machine cannot cross to get there."""
+    start = curve.position(0.0)
+    other = forward(machine.geometry, inverse(machine.geometry, start))
+    apart = float(np.linalg.norm(other - start))
+    if apart > 1e-3:
+        raise PathError(
+            f"the path starts at {show(start)} mm in another assembly mode: with the carriages"
+            f" there the machine stands at {show(other)} mm",
+            arc_length=0.0,
+            position=start.tolist(),
+            quantity="assembly",
+            amount=apart,
+        )
 
 
 def speed_caps(path: Path, rounded: RoundedPath) -> tuple[SpeedCap, ...]:
@@ -77,8 +79,6 @@ def speed_caps(path: Path, rounded: RoundedPath) -> tuple[SpeedCap, ...]:
         speeds = [cap for cap in (segment.speed, path.tool_speed) if cap is not None]
         if not speeds:
             continue
-        speed = min(speeds)
-        if caps and caps[-1].end == start and caps[-1].speed == speed:
-            start = caps.pop().start  # noqa: PLW2901  # one cap for both
-        caps.append(SpeedCap(start, end, speed))
+        joined = caps and caps[-1].end == start and caps[-1].speed == min(speeds)
+        caps.append(SpeedCap(caps.pop().start if joined else start, end, min(speeds)))
     return tuple(caps)

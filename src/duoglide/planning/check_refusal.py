@@ -1,0 +1,184 @@
+"""Says why a path is refused: where, what, by how much, and what would pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import PathError, UnreachableError
+from duoglide.kinematics._distance import nearest_surface
+from duoglide.kinematics._reach import reach_of
+from duoglide.kinematics.model import inverse
+from duoglide.kinematics.modes import WORKING
+from duoglide.machine import Machine
+from duoglide.motion.curve import Curve
+from duoglide.motion.path_segments import show
+from duoglide.planning.check_rules import TOUCHING, Intervals, Rules, judge
+from duoglide.planning.check_search import search
+
+SAMPLES = 1000  # to find how far a rule is broken
+SHIFT_SAMPLES = 100
+SHIFTS = np.arange(0.5, 100.01, 0.5)  # [mm] up and down
+FINEST = 0.01  # [mm], to which an admissible height is found
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """What is broken.
+
+    Attributes:
+        quantity: The name of it, for programs.
+        text: What is wrong, for people.
+        amount: By how much at worst [mm].
+    """
+
+    quantity: str
+    text: str
+    amount: float
+
+
+def refusal(rules: Rules, failed_at: float) -> PathError:
+    """Explain why a curve is refused whose first bad point is at sigma = ``failed_at``."""
+    curve = rules.curve
+    position = curve.position(failed_at)
+    along = float(curve.arc_length(failed_at))
+    breach = _breach(rules, failed_at)
+    hints = [hint for hint in (_height(rules.machine, curve), _part(rules, failed_at)) if hint]
+    advice = "; " + ", and ".join(hints) if hints else ""
+    return PathError(
+        f"{breach.text}, from {along:.6g} mm along the path, at {show(position)} mm{advice}",
+        arc_length=along,
+        position=position.tolist(),
+        quantity=breach.quantity,
+        amount=breach.amount,
+    )
+
+
+def margins_at(rules: Rules, sigma: FloatArray) -> FloatArray:
+    """Margins less what is required at single points [mm]; minus infinity out of reach."""
+    points = Intervals(rules.curve.piece_at(sigma), sigma, np.zeros(sigma.size))
+    return judge(rules, points).margins
+
+
+def _breach(rules: Rules, failed_at: float) -> Breach:
+    """Name the rule that is broken first, and how far it is broken before it is kept again."""
+    first = margins_at(rules, np.array([failed_at]))[0]
+    family = int(np.argmax(first < TOUCHING))
+    sigma = np.linspace(failed_at, rules.curve.end, SAMPLES)
+    values = margins_at(rules, sigma)[:, family]
+    kept = np.flatnonzero(values >= TOUCHING)
+    stretch = slice(0, max(int(kept[0]), 1) if kept.size else None)
+    points = rules.curve.position(sigma[stretch])
+    lacking = reach_of(points, rules.constants).lacking.max(axis=1)
+    if lacking.max() > -TOUCHING:
+        return _out_of_reach(rules, points[int(lacking.argmax())], float(lacking.max()))
+    worst = float(values[stretch].min())
+    position = points[int(values[stretch].argmin())]
+    return _named(rules, family, worst, position)
+
+
+def _out_of_reach(rules: Rules, position: FloatArray, lacking: float) -> Breach:
+    """Describe the farthest point beyond reach."""
+    try:
+        inverse(rules.machine.geometry, position)
+    except UnreachableError as error:
+        text = f"the path leaves reach: {error}"
+        return Breach("reach", text, error.shortfall)
+    text = f"the path touches the edge of reach at {show(position)} mm"
+    return Breach("reach", text, max(lacking, 0.0))
+
+
+def _named(rules: Rules, family: int, worst: float, position: FloatArray) -> Breach:
+    """Put the worst margin into words."""
+    machine, name, short = rules.machine, rules.families[family], max(-worst, 0.0)
+    at_worst = f"at worst, at {show(position)} mm"
+    if name == "clearance":
+        surface = _nearest_family(rules, position)
+        text = (
+            f"the clearance to {surface} falls to {machine.clearance + worst:.6g} mm {at_worst},"
+            f" {short:.3g} mm less than the machine's clearance of {machine.clearance:g} mm"
+        )
+        return Breach(surface, text, short)
+    carriages = inverse(machine.geometry, position)
+    if name == "order":
+        text = (
+            f"carriages 1 and 2 come {carriages[1] - carriages[0]:.6g} mm near to each other"
+            f" {at_worst}, {short:.3g} mm less than carriage_width = {machine.carriage_width:g} mm"
+        )
+        return Breach("order", text, short)
+    if name.startswith("travel"):
+        number = int(name[-1])
+        text = (
+            f"carriage {number} would stand at {carriages[number - 1]:.9g} mm {at_worst},"
+            f" {short:.3g} mm past the end of its travel at"
+            f" +-{machine.geometry.rail_half_length:g} mm"
+        )
+        return Breach("travel", text, short)
+    return Breach("keep_out", f"the path is {short:.3g} mm inside {name} {at_worst}", short)
+
+
+def _nearest_family(rules: Rules, position: FloatArray) -> str:
+    """Name the singular surface that is nearest to a reachable position."""
+    distance, away = nearest_surface(rules.machine.geometry, WORKING.v, position)
+    foot = position - distance * away
+    reach = reach_of(foot, rules.constants)
+    cx, _base, l6, *_ = rules.constants
+    u, X, Z = foot[0] - cx, foot[0] - rules.constants[5], foot[2] - rules.constants[6]
+    arm, legs, strut = np.abs(reach.lacking)
+    values = {
+        "legs_flat": abs(reach.h),
+        "legs_vertical": legs,
+        "strut": strut,
+        "arm_flat": arm,
+        "arm_strut": abs(X * reach.A - Z * u) / l6,
+    }
+    return min(values, key=lambda name: float(values[name]))
+
+
+def _height(machine: Machine, curve: Curve) -> str:
+    """Find the nearest height at which the same curve passes."""
+    sigma = np.linspace(0.0, curve.end, SHIFT_SAMPLES)
+    for shift in np.ravel(np.column_stack([SHIFTS, -SHIFTS])):
+        if not _passes_roughly(machine, curve, sigma, shift):
+            continue
+        good, bad = float(shift), float(shift - np.sign(shift) * 0.5)
+        while abs(good - bad) > FINEST:
+            middle = 0.5 * (good + bad)
+            if _passes_roughly(machine, curve, sigma, middle):
+                good = middle
+            else:
+                bad = middle
+        good = float(np.copysign(np.ceil(abs(good) / FINEST + 1e-9) * FINEST, good))
+        if search(Rules.of(machine, _lifted(curve, good))).failed_at == np.inf:
+            return f"{abs(good):.2f} mm {'higher' if good > 0.0 else 'lower'} it would pass"
+    return ""
+
+
+def _lifted(curve: Curve, shift: float) -> Curve:
+    return curve.moved(np.array([0.0, 0.0, shift]))
+
+
+def _passes_roughly(machine: Machine, curve: Curve, sigma: FloatArray, shift: float) -> bool:
+    """Whether samples of the curve pass at another height."""
+    rules = Rules.of(machine, _lifted(curve, shift))
+    return bool((margins_at(rules, sigma) >= TOUCHING).all())
+
+
+def _part(rules: Rules, failed_at: float) -> str:
+    """Name a part of the curve that passes: what comes first, or the longest one after it."""
+    along = float(rules.curve.arc_length(failed_at))
+    if along > FINEST:
+        return f"its part from 0 to {np.floor(along / FINEST) * FINEST:.2f} mm passes as it is"
+    sigma = np.linspace(0.0, rules.curve.end, SAMPLES)
+    good = np.concatenate([[False], (margins_at(rules, sigma) >= TOUCHING).all(axis=1), [False]])
+    edges = np.flatnonzero(np.diff(good.astype(np.int8)))
+    starts, ends = edges[::2], edges[1::2] - 1
+    order = np.argsort(starts - ends)
+    for i in order[:3]:
+        part = sigma[starts[i]], sigma[ends[i]]
+        if part[1] > part[0] and search(rules, *part).failed_at == np.inf:
+            low, high = rules.curve.arc_length(np.array(part))
+            return f"its part from {low:.2f} to {high:.2f} mm passes as it is"
+    return ""
