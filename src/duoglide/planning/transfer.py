@@ -22,6 +22,7 @@ from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import TOUCHING, locate, room
 from duoglide.planning._certify import certify
 from duoglide.planning._rest_to_rest import rest_to_rest
+from duoglide.planning.braking_caps import make_brake_safe
 from duoglide.planning.stopping import stop_bounds
 
 SAME = 1e-9  # mm: nearer than this, start and goal are one pose
@@ -105,7 +106,7 @@ def _direct(machine: Machine, start: FloatArray, goal: FloatArray, brake_safe: b
             first = first or error
             continue
         path = TransferPath(machine, breaks, table, least)
-        return _timed(path, Profile(_identity(path.duration)), brake_safe)
+        return _timed(path, brake_safe)
     assert first is not None
     raise first
 
@@ -117,18 +118,16 @@ def _stand(machine: Machine, carriages: FloatArray) -> Trajectory:
     cycle = machine.drives.cycle
     clearance = float(room(machine, carriages[None]).clearance[0]) + machine.clearance
     path = TransferPath(machine, np.array([0.0, cycle]), table, clearance)
-    return _timed(path, Profile(_identity(cycle)), brake_safe=False)
+    return _timed(path, brake_safe=False)
 
 
-def _timed(path: TransferPath, profile: Profile, brake_safe: bool) -> Trajectory:
+def _timed(path: TransferPath, brake_safe: bool) -> Trajectory:
+    end = path.duration
+    profile = Profile(np.array([[0.0, 0.0, 1.0, 0.0], [end, end, 1.0, 0.0]]))
     report = TimingReport(method=TimingMethod.TRANSFER)
-    placeholder = StopBounds.constant(profile.duration, 1.0, 1.0)
-    trajectory = Trajectory(path, profile, placeholder, report=report)
-    return dataclasses.replace(trajectory, stops=stop_bounds(trajectory))
-
-
-def _identity(duration: float) -> FloatArray:
-    return np.array([[0.0, 0.0, 1.0, 0.0], [duration, duration, 1.0, 0.0]])
+    draft = Trajectory(path, profile, StopBounds.constant(end, 1.0, 1.0), report=report)
+    trajectory = dataclasses.replace(draft, stops=stop_bounds(draft))
+    return make_brake_safe(trajectory) if brake_safe else trajectory
 
 
 def _planned(machine: Machine, path: Path, brake_safe: bool) -> Trajectory:

@@ -1,0 +1,166 @@
+"""Brake safety: whenever every drive brakes by itself, reach and clearance must be kept.
+
+If the host dies, each drive goes on for at most one cycle at the velocity of its last setpoint (it
+bridges one lost setpoint) and then brakes at its own quick-stop deceleration (0x6085). The
+carriages stop at different times, so the platform leaves its path. Where it then goes depends on
+where the brake begins and how fast the carriages are, not on how the plan would have gone on: so
+each point of the path has its largest safe speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.machine import Machine
+from duoglide.motion.trajectory import Trajectory
+from duoglide.planning._admissible import locate, room
+
+ALLOWED = 1e-3  # mm that rounding and sampling may take from a bound
+_CELL = 0.004  # s of the plan
+_PHASES = 6  # cells of the time from brake to standstill
+_FINE = 0.05  # mm: below this, a cell is as good as its middle
+_BEND = 1.5  # how much farther than its corners a cell may reach from its middle
+_CHUNK = 40_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrakeReport:
+    """What happens at the worst when every drive brakes by itself.
+
+    Attributes:
+        clearance: Least distance to a singular surface or edge of reach while braking [mm]; -inf
+            where the links come apart.
+        room: Least of what is left of clearance, travel, order and keep-out distance [mm].
+        quantity: Of which of them that is.
+        time: When that brake begins [s].
+        after: How long after that the least room is reached [s].
+        position: Where the platform is then [mm]; NaN where the links come apart.
+    """
+
+    clearance: float
+    room: float
+    quantity: str
+    time: float
+    after: float
+    position: tuple[float, float, float]
+
+    @property
+    def safe(self) -> bool:
+        """Whether everything that the machine asks for is kept."""
+        return self.room > -ALLOWED
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Brakes:
+    """Brakes of all three drives at once, each by itself.
+
+    Attributes:
+        machine: Whose drives brake.
+        q: Carriages when the brake begins [mm], shape (n, 3).
+        v: Their velocities then [mm/s], shape (n, 3).
+        coast: How long they go on at these velocities first [s].
+    """
+
+    machine: Machine
+    q: FloatArray
+    v: FloatArray
+    coast: float
+
+    @property
+    def slowing(self) -> FloatArray:
+        """How long each carriage takes to stop, (n, 3)."""
+        deceleration = np.array(self.machine.drives.quick_stop_deceleration, dtype=np.float64)
+        times: FloatArray = np.abs(self.v) / deceleration
+        return times
+
+    @property
+    def lasting(self) -> FloatArray:
+        """How long it takes until all stand, (n,)."""
+        times: FloatArray = self.coast + self.slowing.max(axis=-1)
+        return times
+
+    def at(self, fraction: FloatArray) -> FloatArray:
+        """Return carriages after fractions (n,) of the time until all stand, shape (n, 3)."""
+        tau = (fraction * self.lasting)[:, None]
+        slowing = self.slowing
+        braked = np.clip(tau - self.coast, 0.0, slowing)
+        share = np.divide(braked, slowing, out=np.zeros_like(slowing), where=slowing > 0.0)
+        return self.q + self.v * (np.minimum(tau, self.coast) + braked * (1.0 - 0.5 * share))
+
+
+def brake_report(trajectory: Trajectory) -> BrakeReport:
+    """Look at every instant of every brake out of every instant of ``trajectory``.
+
+    Cells of (instant of the plan, share of the brake) are halved until the room in the middle
+    exceeds 1.5 times the way from there to the farthest corner, or the cell is below 0.05 mm.
+    """
+    worst: BrakeReport | None = None
+    cycle = trajectory.machine.drives.cycle
+    count = max(1, int(np.ceil(trajectory.duration / _CELL)))
+    edges = np.linspace(0.0, trajectory.duration, count + 1)
+    for coast in (0.0, cycle):
+        for begin in range(0, count, _CHUNK // _PHASES):
+            part = edges[begin : begin + _CHUNK // _PHASES + 1]
+            found = _look(trajectory, part, coast)
+            clearance = min(found.clearance, worst.clearance if worst else np.inf)
+            if worst is None or found.room < worst.room:
+                worst = found
+            worst = replace(worst, clearance=clearance)
+    assert worst is not None
+    return worst
+
+
+def _look(trajectory: Trajectory, edges: FloatArray, coast: float) -> BrakeReport:
+    """Look at the brakes that begin within ``edges``."""
+    t, f = (
+        grid.ravel()
+        for grid in np.meshgrid(
+            0.5 * (edges[1:] + edges[:-1]), (np.arange(_PHASES) + 0.5) / _PHASES, indexing="ij"
+        )
+    )
+    half = np.array([0.5 * (edges[1] - edges[0]), 0.5 / _PHASES])
+    worst: BrakeReport | None = None
+    clearance = np.inf
+    while t.size:
+        corners = [(sx, sy) for sx in (-1.0, 1.0) for sy in (-1.0, 1.0)]
+        middle = _brakes(trajectory, t, coast).at(f)
+        here = room(trajectory.machine, middle)
+        centre, _ = locate(trajectory.machine, middle)
+        moved, slid = np.zeros(t.size), np.zeros(t.size)
+        for sx, sy in corners:
+            q = _brakes(trajectory, t + sx * half[0], coast).at(f + sy * half[1])
+            p, closed = locate(trajectory.machine, q)
+            way = np.where(closed, np.linalg.norm(p - centre, axis=-1), np.inf)
+            moved = np.maximum(moved, np.nan_to_num(way, nan=np.inf))
+            slid = np.maximum(slid, np.abs(q - middle).max(axis=-1))
+        clearance = min(clearance, float(here.clearance.min()))
+        index, quantity, amount = here.worst()
+        if worst is None or amount < worst.room:
+            begin = float(t[index])
+            x, y, z = centre[index].tolist()
+            worst = BrakeReport(
+                clearance=amount,
+                room=amount,
+                quantity=quantity,
+                time=begin,
+                after=float(f[index] * _brakes(trajectory, t[[index]], coast).lasting[0]),
+                position=(x, y, z),
+            )
+        if worst.room == -np.inf:
+            break  # the links come apart: nothing can be worse
+        clear = np.minimum(here.clearance, here.keep_out) > _BEND * moved
+        clear &= np.minimum(here.travel, 0.5 * here.order) > _BEND * slid
+        open_ = ~clear & (np.maximum(moved, slid) > _FINE)
+        half = 0.5 * half
+        t = np.concatenate([t[open_] + sx * half[0] for sx, _ in corners])
+        f = np.concatenate([f[open_] + sy * half[1] for _, sy in corners])
+    assert worst is not None
+    return replace(worst, clearance=clearance + trajectory.machine.clearance)
+
+
+def _brakes(trajectory: Trajectory, t: FloatArray, coast: float) -> Brakes:
+    state = trajectory.at(t)
+    return Brakes(trajectory.machine, state.carriages, state.velocity, coast)

@@ -1,0 +1,149 @@
+"""Slow a plan down where drives that brake by themselves would break reach or clearance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.machine import Machine
+from duoglide.motion.carriage_path import CarriagePath
+from duoglide.motion.trajectory import Trajectory
+from duoglide.motion.transfer_path import TransferPath
+from duoglide.planning._admissible import room
+from duoglide.planning.braking import BrakeReport, Brakes, brake_report
+from duoglide.planning.stopping import stop_bounds
+
+Retime = Callable[[FloatArray, FloatArray], Trajectory]
+"""Time the same curve again under a cap on d sigma/dt: sigma (n,) and the cap there (n,), linear in
+between, none beyond the ends."""
+
+_MARGIN = 0.02  # mm that caps keep beyond each bound, where the path itself has so much
+_HARMLESS = 2e-4  # mm: no brake that is over within this needs a cap
+_HALVINGS = 8
+_FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # of the time from brake to standstill
+_SAMPLE = 0.0005  # s of the plan between two caps
+_ROUNDS = 4
+_TIGHTER = 0.97  # what a cap loses each round that it did not suffice
+_SLOWER = 1.05
+
+
+def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajectory:
+    """Return ``draft``, or the same curve timed slower where braking alone would not be safe.
+
+    Args:
+        draft: What was planned without regard to braking.
+        retime: How to time the curve again under caps; left out, the whole of it is slowed.
+
+    Returns:
+        A trajectory whose report says what the safety has cost and the least clearance while
+        braking.
+    """
+    trajectory, report = draft, brake_report(draft)
+    sigma, cap = np.zeros(0), np.zeros(0)
+    for round_ in range(_ROUNDS if retime is not None else 0):
+        if report.safe or retime is None:
+            break
+        where, speed = _sampled(trajectory)
+        fresh = brake_caps(trajectory.path, where, speed) * _TIGHTER**round_
+        sigma, cap = _lower_of(sigma, cap, where, np.where(fresh < speed, fresh, np.inf))
+        finite = np.isfinite(cap)
+        trajectory = retime(sigma[finite], cap[finite])
+        report = brake_report(trajectory)
+    if not report.safe:
+        trajectory, report = _slowed(trajectory)
+    cost = draft.duration if trajectory is not draft else 0.0
+    told = replace(
+        trajectory.report,
+        brake_safe=True,
+        duration_before_braking=cost,
+        braking_clearance=report.clearance,
+    )
+    return replace(trajectory, report=told)
+
+
+def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
+    """Stretch the whole of a trajectory in time until it is brake-safe."""
+    sigma, speed = _sampled(trajectory)
+    factor = float((speed / brake_caps(trajectory.path, sigma, speed)).max(initial=1.0))
+    while True:
+        profile = trajectory.profile.stretched(factor)
+        actions = tuple((factor * t, action) for t, action in trajectory.actions)
+        slow = replace(trajectory, profile=profile, actions=actions)
+        report = brake_report(slow)
+        if report.safe:
+            return replace(slow, stops=stop_bounds(slow)), report
+        factor *= _SLOWER
+
+
+def _sampled(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Return where the trajectory moves, and how fast along its curve there."""
+    count = max(8, int(np.ceil(trajectory.duration / _SAMPLE)))
+    motion = trajectory.profile.at(np.linspace(0.0, trajectory.duration, count + 1))
+    sigma, first = np.unique(motion[:, 0], return_index=True)
+    speed = motion[first, 1]
+    moving = speed > 0.0
+    return sigma[moving], speed[moving]
+
+
+def _lower_of(
+    sigma: FloatArray, cap: FloatArray, more: FloatArray, other: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Merge two caps into their minimum, on the points of both; inf is no cap."""
+    if not sigma.size:
+        return more, other
+    grid = np.union1d(sigma, more)
+
+    def on_grid(x: FloatArray, y: FloatArray) -> FloatArray:
+        values: FloatArray = np.interp(grid, x, np.where(np.isfinite(y), y, 1e12))
+        return np.where(values < 1e9, values, np.inf)
+
+    return grid, np.minimum(on_grid(sigma, cap), on_grid(more, other))
+
+
+def brake_caps(
+    path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArray
+) -> FloatArray:
+    """Find the largest path speeds from which every drive may brake by itself.
+
+    Args:
+        path: The curve of the carriages.
+        sigma: Where on it [mm], shape (n,).
+        speed: Largest d sigma/dt to consider there [mm/s], shape (n,), above 0.
+
+    Returns:
+        Safe d sigma/dt, at most ``speed``, shape (n,), found by halving: whoever uses them looks
+        at the result with ``brake_report``.
+    """
+    states = path.derivatives(sigma)
+    q, slope = states[:, 0], states[:, 1] * speed[:, None]
+    machine = path.machine
+    wanted = np.clip(0.5 * room(machine, q).least(), 0.0, _MARGIN)
+    safe = _safe(machine, q, slope, wanted)
+    low, high = np.where(safe, 1.0, 0.0), np.ones(sigma.size)
+    rows = np.flatnonzero(~safe)
+    for _ in range(_HALVINGS):
+        middle = np.sqrt(0.5 * (low[rows] ** 2 + high[rows] ** 2))  # halves the way of the brake
+        safe = _safe(machine, q[rows], middle[:, None] * slope[rows], wanted[rows])
+        low[rows] = np.where(safe, middle, low[rows])
+        high[rows] = np.where(safe, high[rows], middle)
+    deceleration = np.array(machine.drives.quick_stop_deceleration)
+    distance = (slope**2 / (2.0 * deceleration)).max(axis=-1)
+    harmless = np.minimum(1.0, np.sqrt(_HARMLESS / np.maximum(distance, _HARMLESS)))
+    caps: FloatArray = speed * np.maximum(low, harmless)
+    return caps
+
+
+def _safe(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArray) -> BoolArray:
+    """Tell which brakes keep the room that is wanted, at 16 instants each, shape (n,)."""
+    if not q.size:
+        return np.zeros(0, dtype=bool)
+    least = np.full(len(q), np.inf)
+    for coast in (0.0, machine.drives.cycle):
+        brakes = Brakes(machine, q, v, coast)
+        places = np.stack([brakes.at(np.full(len(q), f)) for f in _FRACTIONS])
+        least = np.minimum(least, room(machine, places).least().min(axis=0))
+    safe: BoolArray = least > wanted
+    return safe
