@@ -6,6 +6,7 @@ from duoglide.machine import Machine
 from duoglide.motion.carriage_path import map_to_carriages
 from duoglide.motion.path import Path
 from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.braking_caps import make_brake_safe
 from duoglide.planning.check import check_path
 from duoglide.planning.timing import Progress, time_path
 
@@ -27,4 +28,5 @@ def plan(
         LimitError: No motion keeps the limits.
     """
     checked = check_path(machine, path)
-    return time_path(map_to_carriages(checked), progress=progress)
+    draft = time_path(map_to_carriages(checked), progress=progress)
+    return make_brake_safe(draft) if brake_safe else draft
