@@ -23,10 +23,9 @@ class State(Enum):
     FAULT_REACTION_ACTIVE = (0x004F, 0x000F)
     FAULT = (0x004F, 0x0008)
 
-    @property
-    def pattern(self) -> int:
-        """The bits of the statusword that make this state."""
-        return self.value[1]
+    def __init__(self, mask: int, pattern: int) -> None:
+        self.mask = mask  # of the bits that make the state ...
+        self.pattern = pattern  # ... and what they are
 
     @property
     def words(self) -> str:
@@ -95,9 +94,7 @@ class Mode(IntEnum):
 
 def _lookup() -> tuple[State | None, ...]:
     """Tabulate the state of every combination of the seven low bits."""
-    return tuple(
-        next((s for s in State if low & s.value[0] == s.value[1]), None) for low in range(128)
-    )
+    return tuple(next((s for s in State if low & s.mask == s.pattern), None) for low in range(128))
 
 
 _STATES = _lookup()

@@ -12,6 +12,7 @@ from math import floor
 
 from duoglide.drives import pdo
 from duoglide.drives.application import AxisApplication
+from duoglide.drives.firmware import HEARTBEAT_LOST
 from duoglide.drives.node_objects import NodeObjects
 from duoglide.drives.node_pdo import ProcessData
 from duoglide.drives.pdo import Nmt, NmtState
@@ -19,7 +20,7 @@ from duoglide.drives.plant import Plant
 from duoglide.drives.sdo_server import SdoServer
 
 Send = Callable[[int, bytes], None]
-_TICK = 500  # longest step of the application under power [us]
+_TICK = 1000  # longest step of the application under power [us]
 _IDLE_TICK = 5000
 
 
@@ -152,6 +153,7 @@ class DriveNode:
 
     def advance(self, dt: int) -> None:
         """Let ``dt`` microseconds pass."""
+        passed = dt
         self._clock += dt
         if self.state is NmtState.BOOT_UP:
             self._boot_wait -= dt
@@ -161,6 +163,7 @@ class DriveNode:
             step = min(dt, _TICK if self.axis.powered else _IDLE_TICK)
             self._step(step)
             dt -= step
+        self._beat(passed)
         self._serve_sdo()
         if self.state is NmtState.OPERATIONAL:
             self._send_all(self.process_data.events())
@@ -175,13 +178,15 @@ class DriveNode:
             self.plant.coast(not self.axis.brake_released, seconds)
         self.axis.tick(dt, floor((self.plant.position - self._zero) * self.scale + 0.5))
         for code in self.axis.take_emergencies():
-            self.objects.remember_error(code)
-            if self.state not in (NmtState.BOOT_UP, NmtState.STOPPED):
-                frame = pdo.pack_emergency(code, self.axis.error_register)
-                self.send(pdo.EMCY + self.node_id, frame)
-            if code == 0x8130 and self.objects.read(0x1029, 1) == 0:
-                self._enter(NmtState.PRE_OPERATIONAL)
-        self._beat(dt)
+            self._emergency(code)
+
+    def _emergency(self, code: int) -> None:
+        self.objects.remember_error(code)
+        if self.state not in (NmtState.BOOT_UP, NmtState.STOPPED):
+            frame = pdo.pack_emergency(code, self.axis.error_register)
+            self.send(pdo.EMCY + self.node_id, frame)
+        if code == HEARTBEAT_LOST and self.objects.read(0x1029, 1) == 0:
+            self._enter(NmtState.PRE_OPERATIONAL)
 
     def _beat(self, dt: int) -> None:
         period = 1000 * self.objects.read(0x1017, 0)

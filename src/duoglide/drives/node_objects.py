@@ -62,7 +62,7 @@ class NodeObjects:
 
     def read(self, index: int, sub: int) -> int:
         """Return a number from the dictionary."""
-        if (index, sub) in DEFAULTS or index in _LIVE:
+        if index in _LIVE or (index, sub) in DEFAULTS:
             return self._axis.read(index, sub)
         if index == 0x1001:
             return self._axis.error_register
