@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import signal
+import time
+from typing import TYPE_CHECKING
+
 import typer
 
+from duoglide.cli.console import say
 from duoglide.cli.options import Bus, MachineFile, load_machine
+
+if TYPE_CHECKING:
+    from types import FrameType
 
 _EXAMPLE = """\
 Examples:
@@ -13,6 +21,7 @@ duoglide drives --bus virtual
 
 duoglide drives --bus socketcan:vcan0 --machine cell.toml
 """
+_LOOK = 0.5  # [s] between two looks whether they still run
 
 
 def add_to(app: typer.Typer) -> None:
@@ -23,9 +32,24 @@ def add_to(app: typer.Typer) -> None:
 def drives(bus: Bus = "virtual", machine: MachineFile = None) -> None:
     """Run three simulated CiA 402 drives for somebody else to move; Ctrl-C ends them.
 
-    With --bus virtual a hub is opened on the loopback and its address printed.
+    With --bus virtual a hub is opened on the loopback, and its name printed for --bus elsewhere.
     """
     described = load_machine(machine)
-    from duoglide.cli.simulation import serve
+    from duoglide.drives.simulated import SimulatedDrives
+    from duoglide.kinematics.home import home_carriages
 
-    serve(described, bus)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        with SimulatedDrives(described.drives, home_carriages(described), bus=bus) as running:
+            say(f"three drives on --bus {running.address}, nodes {described.drives.node_ids}")
+            say("Ctrl-C ends them")
+            while True:
+                running.snapshot()  # an error if they have died
+                time.sleep(_LOOK)
+    except KeyboardInterrupt:
+        say("ended")
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """End in order when somebody asks for it."""
+    raise KeyboardInterrupt

@@ -1,9 +1,53 @@
-"""``duoglide view``."""
+"""``duoglide view``: the live page."""
 
 from __future__ import annotations
 
+import time
+from pathlib import Path
+from typing import Annotated
+
 import typer
+
+from duoglide.cli.console import say
+from duoglide.cli.options import Bus, MachineFile, load_machine
+
+_EXAMPLE = """\
+Examples:
+
+duoglide view
+
+duoglide view run.mcap --machine cell.toml --port 9000
+"""
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
+    app.command("view", epilog=_EXAMPLE)(view)
+
+
+def view(
+    file: Annotated[Path | None, typer.Argument(help="A plan or a run to open with.")] = None,
+    *,
+    bus: Bus = "virtual",
+    host: Annotated[
+        str, typer.Option("--host", help="Address to serve on; by default only this machine.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0 takes a free one.")] = (
+        8080
+    ),
+    machine: MachineFile = None,
+) -> None:
+    """Serve the live 3D page: the mechanism, plans and logs, and the running machine.
+
+    Needs the extra: pip install "duoglide\\[view]". Ctrl-C ends it, and stops the machine first.
+    """
+    described = load_machine(machine)
+    from duoglide.viewer.page import Page
+
+    with Page(described, file=file, bus=bus, host=host, port=port) as page:
+        say(f"{page.address} (Ctrl-C ends)")
+        try:
+            while True:
+                time.sleep(3600.0)
+        except KeyboardInterrupt:
+            say("ended")
