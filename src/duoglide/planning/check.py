@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from duoglide.errors import PathError
-from duoglide.kinematics.model import forward, inverse
 from duoglide.machine import Machine
 from duoglide.motion.blending import RoundedPath, round_corners
 from duoglide.motion.checked import CheckedPath, SpeedCap
-from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
-from duoglide.motion.path_segments import show
 from duoglide.planning.check_least import least_margins
-from duoglide.planning.check_refusal import refusal
+from duoglide.planning.check_refusal import assembly_error, refusal
 from duoglide.planning.check_rules import Rules
 from duoglide.planning.check_search import search
 
@@ -42,7 +38,8 @@ def check_path(machine: Machine, path: Path) -> CheckedPath:
     found = search(rules)
     if found.failed_at < np.inf:
         raise refusal(rules, found.failed_at)
-    _require_assembly(machine, curve)
+    if error := assembly_error(machine, curve):
+        raise error
     waypoints = rounded.waypoints.tolist()
     return CheckedPath(
         machine=machine,
@@ -53,22 +50,6 @@ def check_path(machine: Machine, path: Path) -> CheckedPath:
         actions=tuple((waypoints[i], action) for i, action in path.actions),
         speed_caps=speed_caps(path, rounded),
     )
-
-
-def _require_assembly(machine: Machine, curve: Curve) -> None:
-    """Refuse a path beyond a singular surface that the machine cannot cross to get there."""
-    start = curve.position(0.0)
-    other = forward(machine.geometry, inverse(machine.geometry, start))
-    apart = float(np.linalg.norm(other - start))
-    if apart > 1e-3:
-        raise PathError(
-            f"the path starts at {show(start)} mm in another assembly mode: with the carriages"
-            f" there the machine stands at {show(other)} mm",
-            arc_length=0.0,
-            position=start.tolist(),
-            quantity="assembly",
-            amount=apart,
-        )
 
 
 def speed_caps(path: Path, rounded: RoundedPath) -> tuple[SpeedCap, ...]:

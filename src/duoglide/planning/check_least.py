@@ -8,7 +8,7 @@ from duoglide.arrays import FloatArray
 from duoglide.kinematics.singularity import FAMILIES, margins
 from duoglide.motion.checked import CheckReport, LeastMargin
 from duoglide.motion.path_segments import as_point
-from duoglide.planning.check_rules import IndexArray, Intervals, Rules, judge
+from duoglide.planning.check_rules import IndexArray, Rules, judge_points
 from duoglide.planning.check_search import Search, first_intervals
 
 _LOOKS = np.linspace(-1.0, 1.0, 9)
@@ -55,14 +55,11 @@ def _surfaces(rules: Rules, sigma: FloatArray) -> FloatArray:
 
 def _measure(rules: Rules, sigma: FloatArray, column: IndexArray) -> FloatArray:
     """One margin at each sigma: that of the family in ``column``, not less what is required."""
-    piece = rules.curve.piece_at(sigma)
     count = len(rules.families)
-    own = column < count
+    own, others = np.flatnonzero(column < count), np.flatnonzero(column >= count)
     values = np.empty(sigma.size)
-    verdict = judge(rules, Intervals(piece[own], sigma[own], np.zeros(int(own.sum()))))
-    rows = np.arange(verdict.margins.shape[0])
-    values[own] = verdict.margins[rows, column[own]] + rules.required[column[own]]
-    others = np.flatnonzero(~own)
+    table = judge_points(rules, rules.curve.position(sigma[own])) + rules.required
+    values[own] = table[np.arange(own.size), column[own]]
     table = _surfaces(rules, sigma[others])
     values[others] = table[np.arange(others.size), column[others] - count]
     return values

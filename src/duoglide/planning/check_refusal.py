@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
-from duoglide.errors import PathError, UnreachableError
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.errors import PathError, SingularityError, UnreachableError
 from duoglide.kinematics._distance import nearest_surface
 from duoglide.kinematics._reach import reach_of
-from duoglide.kinematics.model import inverse
+from duoglide.kinematics.model import forward, inverse
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.curve import Curve
 from duoglide.motion.path_segments import show
-from duoglide.planning.check_rules import TOUCHING, Intervals, Rules, judge
+from duoglide.planning.check_rules import TOUCHING, Rules, judge_points
 from duoglide.planning.check_search import search
 
 SAMPLES = 1000  # to find how far a rule is broken
 SHIFT_SAMPLES = 100
 SHIFTS = np.arange(0.5, 100.01, 0.5)  # [mm] up and down
+START = 1e-6  # [mm] of sigma
+SAME_POSE = 1e-3  # [mm]
 FINEST = 0.01  # [mm], to which an admissible height is found
+TRIES = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +45,12 @@ class Breach:
 def refusal(rules: Rules, failed_at: float) -> PathError:
     """Explain why a curve is refused whose first bad point is at sigma = ``failed_at``."""
     curve = rules.curve
+    if failed_at < START and margins_at(rules, np.zeros(1)).min() < TOUCHING:
+        failed_at = 0.0
     position = curve.position(failed_at)
     along = float(curve.arc_length(failed_at))
     breach = _breach(rules, failed_at)
-    hints = [hint for hint in (_height(rules.machine, curve), _part(rules, failed_at)) if hint]
+    hints = [hint for hint in (_height(rules), _part(rules, failed_at)) if hint]
     advice = "; " + ", and ".join(hints) if hints else ""
     return PathError(
         f"{breach.text}, from {along:.6g} mm along the path, at {show(position)} mm{advice}",
@@ -56,10 +61,29 @@ def refusal(rules: Rules, failed_at: float) -> PathError:
     )
 
 
+def assembly_error(machine: Machine, curve: Curve) -> PathError | None:
+    """Tell whether a curve starts beyond a surface that the machine cannot cross to get there."""
+    start = curve.position(0.0)
+    try:
+        other = forward(machine.geometry, inverse(machine.geometry, start))
+    except (UnreachableError, SingularityError) as error:
+        return PathError(str(error), arc_length=0.0, position=start.tolist(), quantity="reach")
+    apart = float(np.linalg.norm(other - start))
+    if apart < SAME_POSE:
+        return None
+    return PathError(
+        f"the path starts at {show(start)} mm in another assembly mode: with the carriages there"
+        f" the machine stands at {show(other)} mm",
+        arc_length=0.0,
+        position=start.tolist(),
+        quantity="assembly",
+        amount=apart,
+    )
+
+
 def margins_at(rules: Rules, sigma: FloatArray) -> FloatArray:
     """Margins less what is required at single points [mm]; minus infinity out of reach."""
-    points = Intervals(rules.curve.piece_at(sigma), sigma, np.zeros(sigma.size))
-    return judge(rules, points).margins
+    return judge_points(rules, rules.curve.position(sigma))
 
 
 def _breach(rules: Rules, failed_at: float) -> Breach:
@@ -137,33 +161,26 @@ def _nearest_family(rules: Rules, position: FloatArray) -> str:
     return min(values, key=lambda name: float(values[name]))
 
 
-def _height(machine: Machine, curve: Curve) -> str:
+def _height(rules: Rules) -> str:
     """Find the nearest height at which the same curve passes."""
-    sigma = np.linspace(0.0, curve.end, SHIFT_SAMPLES)
-    for shift in np.ravel(np.column_stack([SHIFTS, -SHIFTS])):
-        if not _passes_roughly(machine, curve, sigma, shift):
-            continue
-        good, bad = float(shift), float(shift - np.sign(shift) * 0.5)
-        while abs(good - bad) > FINEST:
-            middle = 0.5 * (good + bad)
-            if _passes_roughly(machine, curve, sigma, middle):
-                good = middle
-            else:
-                bad = middle
-        good = float(np.copysign(np.ceil(abs(good) / FINEST + 1e-9) * FINEST, good))
-        if search(Rules.of(machine, _lifted(curve, good))).failed_at == np.inf:
-            return f"{abs(good):.2f} mm {'higher' if good > 0.0 else 'lower'} it would pass"
+    points = rules.curve.position(np.linspace(0.0, rules.curve.end, SHIFT_SAMPLES))
+
+    def passing(shifts: FloatArray) -> BoolArray:
+        up = np.zeros((shifts.size, 1, 3))
+        up[:, 0, 2] = shifts
+        found = judge_points(rules, (points + up).reshape(-1, 3)).min(axis=1)
+        passes: BoolArray = found.reshape(shifts.size, -1).min(axis=1) >= TOUCHING
+        return passes
+
+    coarse = np.ravel(np.column_stack([SHIFTS, -SHIFTS]))
+    for shift in coarse[passing(coarse)][:TRIES]:
+        fine = np.copysign(abs(shift) + FINEST * np.arange(1 - round(SHIFTS[0] / FINEST), 2), shift)
+        for exact in fine[passing(fine)][:2]:
+            lifted = replace(rules, curve=rules.curve.moved(np.array([0.0, 0.0, exact])))
+            assembled = assembly_error(rules.machine, lifted.curve) is None
+            if assembled and search(lifted).failed_at == np.inf:
+                return f"{abs(exact):.2f} mm {'higher' if exact > 0.0 else 'lower'} it would pass"
     return ""
-
-
-def _lifted(curve: Curve, shift: float) -> Curve:
-    return curve.moved(np.array([0.0, 0.0, shift]))
-
-
-def _passes_roughly(machine: Machine, curve: Curve, sigma: FloatArray, shift: float) -> bool:
-    """Whether samples of the curve pass at another height."""
-    rules = Rules.of(machine, _lifted(curve, shift))
-    return bool((margins_at(rules, sigma) >= TOUCHING).all())
 
 
 def _part(rules: Rules, failed_at: float) -> str:

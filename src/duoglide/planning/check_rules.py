@@ -13,14 +13,15 @@ strokes of legs and strut along y.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics._distance import nearest_surface
 from duoglide.kinematics._kernels import Constants, pose_constants
-from duoglide.kinematics._reach import reach_of
+from duoglide.kinematics._reach import Reach, reach_of
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.curve import Curve
@@ -30,9 +31,10 @@ TOUCHING = 1e-7  # [mm]; a margin this near to what is required counts as touchi
 SURE = 0.9e-7  # [mm]; a bound this far above what is required certifies an interval
 TRAVEL = ("travel_1", "travel_2", "travel_3")
 BASE_FAMILIES = ("clearance", *TRAVEL, "order")
-_REACH_OF_ANCHOR = 0.25  # of the leg's length, at most
+_FARTHEST_ANCHOR = 0.25  # of the leg's length
 
-IndexArray = np.ndarray[Any, np.dtype[np.intp]]
+IndexArray: TypeAlias = NDArray[np.intp]
+Stroke: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # value, slope, bound on the bend
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,52 +112,74 @@ class Verdict:
     @property
     def failed(self) -> BoolArray:
         """Where a sample breaks a rule, or touches."""
-        result: BoolArray = (self.margins < TOUCHING).any(axis=1)
-        return result
+        mask: BoolArray = self.margins.min(axis=1) < TOUCHING
+        return mask
 
     @property
     def certified(self) -> BoolArray:
         """Where the whole interval keeps every rule."""
-        result: BoolArray = (self.lowest >= SURE).all(axis=1)
-        return result
+        mask: BoolArray = self.lowest.min(axis=1) >= SURE
+        return mask
 
 
 def judge(rules: Rules, intervals: Intervals) -> Verdict:
     """Evaluate every rule on intervals."""
     states = rules.curve.derivatives(intervals.middle, intervals.piece)
-    half = intervals.half
-    first, second = _local_bounds(rules.bounds, states, intervals)
-    k, position = rules.constants, states[:, 0]
-    reach = reach_of(position, k)
+    piece, half = intervals.piece, intervals.half[:, None]
+    bounds = rules.bounds
+    second = np.minimum(bounds.second[piece], np.abs(states[:, 2]) + bounds.third[piece] * half)
+    first = np.minimum(bounds.first[piece], np.abs(states[:, 1]) + second * half)
+    return judge_parts(rules, Parts(states, intervals.half, first, second))
+
+
+def judge_points(rules: Rules, positions: FloatArray) -> FloatArray:
+    """Evaluate every rule at single positions of the platform's centre.
+
+    Returns:
+        Margins less what is required [mm], shape (n, families); minus infinity out of reach.
+    """
+    states = np.zeros((len(positions), 4, 3))
+    states[:, 0] = positions
+    still = np.zeros((len(positions), 3))
+    return judge_parts(rules, Parts(states, np.zeros(len(positions)), still, still)).margins
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """Parts of a curve, each about its middle.
+
+    Attributes:
+        states: Position and three derivatives in the middle, shape (n, 4, 3).
+        half: Half the length in sigma [mm], shape (n,).
+        first: Bound on the components of p' on the whole part, shape (n, 3).
+        second: Bound on those of p'' [1/mm].
+    """
+
+    states: FloatArray
+    half: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+
+def judge_parts(rules: Rules, parts: Parts) -> Verdict:
+    """Evaluate every rule on parts of a curve."""
+    reach = reach_of(parts.states[:, 0], rules.constants)
+    inside = reach.lacking.max(axis=1) < 0.0
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        stroke_p, stroke_q = _strokes(states, first, second, half, reach, k)
-        travel = _travel(rules, states, second, half, stroke_p, stroke_q)
-    inside = (reach.lacking < 0.0).all(axis=1)
-    clear = _clearance(rules, states, second, half, inside)
-    boxes = _boxes(rules.machine, states, second, half)
-    margins = np.column_stack([clear[0], travel[0], boxes[0]]) - rules.required
-    lowest = np.column_stack([clear[1], travel[1], boxes[1]]) - rules.required
+        travel = _travel(rules, parts, *_strokes(parts, reach, rules.constants))
+    columns = _clearance(rules, parts, inside), travel, _boxes(rules.machine, parts)
+    margins = np.column_stack([values for values, _ in columns]) - rules.required
+    lowest = np.column_stack([bound for _, bound in columns]) - rules.required
     margins[~inside], lowest[~inside] = -np.inf, -np.inf
     return Verdict(margins, np.where(np.isnan(lowest), -np.inf, lowest))
 
 
-def _local_bounds(
-    bounds: CurveBounds, states: FloatArray, intervals: Intervals
-) -> tuple[FloatArray, FloatArray]:
-    """Bound |p'| and |p''| by component on each interval, shape (n, 3)."""
-    piece, half = intervals.piece, intervals.half[:, None]
-    second = np.minimum(bounds.second[piece], np.abs(states[:, 2]) + bounds.third[piece] * half)
-    first = np.minimum(bounds.first[piece], np.abs(states[:, 1]) + second * half)
-    return first, second
-
-
-def _strokes(
-    states: FloatArray, first: FloatArray, second: FloatArray, half: FloatArray, reach: Any, k: Any
-) -> tuple[tuple[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
+def _strokes(parts: Parts, reach: Reach, k: Constants) -> tuple[Stroke, Stroke]:
     """Value and slope at the sample, and a bound on the second derivative, of P and Q."""
     cx, _base, l6, l2, _half, xb, zb, l9, *_ = k
-    (x, z), (dx, dz) = (states[:, i, ::2].T for i in (0, 1))
-    (vx, vz), (ax, az) = first[:, ::2].T, second[:, ::2].T
+    half = parts.half
+    (x, z), (dx, dz) = (parts.states[:, i, ::2].T for i in (0, 1))
+    (vx, vz), (ax, az) = parts.first[:, ::2].T, parts.second[:, ::2].T
     u, X, Z = x - cx, x - xb, z - zb
     top = np.abs(u) + vx * half
     low = np.sqrt((l6 - top) * (l6 + top))
@@ -173,85 +197,77 @@ def _strokes(
     return p, (reach.q, -(X * dx + Z * dz) / reach.q, bend)
 
 
-def _travel(
-    rules: Rules, states: FloatArray, second: FloatArray, half: FloatArray, p: Any, q: Any
-) -> tuple[FloatArray, FloatArray]:
+def _travel(rules: Rules, parts: Parts, p: Stroke, q: Stroke) -> tuple[FloatArray, FloatArray]:
     """Margins of travel 1 to 3 and of the order of carriages 1 and 2, and their lower bounds."""
     half_coupler, (w1, w2, w3) = rules.constants[4], rules.constants[9:]
-    limit = rules.machine.geometry.rail_half_length
+    limit, half = rules.machine.geometry.rail_half_length, parts.half
+    square = 0.5 * half * half
     margins, lowest = [], []
     for shift, w, (stroke, slope, bend) in (
         (-half_coupler, w1, p),
         (half_coupler, w2, p),
         (0.0, w3, q),
     ):
-        place = states[:, 0, 1] + shift + w * stroke
-        rate = np.abs(states[:, 1, 1] + w * slope)
+        place = parts.states[:, 0, 1] + shift + w * stroke
+        rate = np.abs(parts.states[:, 1, 1] + w * slope)
         margins.append(limit - np.abs(place))
-        lowest.append(margins[-1] - rate * half - 0.5 * (second[:, 1] + bend) * half * half)
+        lowest.append(margins[-1] - rate * half - (parts.second[:, 1] + bend) * square)
     stroke, slope, bend = p
     margins.append(2.0 * half_coupler + (w2 - w1) * stroke)
-    change = np.abs(slope) * half + 0.5 * bend * half * half
-    lowest.append(margins[-1] - abs(w2 - w1) * change)
+    lowest.append(margins[-1] - abs(w2 - w1) * (np.abs(slope) * half + bend * square))
     return np.stack(margins, axis=1), np.stack(lowest, axis=1)
 
 
-def _clearance(
-    rules: Rules, states: FloatArray, second: FloatArray, half: FloatArray, inside: BoolArray
-) -> tuple[FloatArray, FloatArray]:
+def _clearance(rules: Rules, parts: Parts, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Clearance at the samples, and its lower bound on the intervals."""
-    geometry = rules.machine.geometry
-    needed = rules.machine.clearance + SURE
-    values = np.full(half.size, -np.inf)
-    normal = np.zeros((half.size, 3))
-    values[inside], normal[inside] = nearest_surface(geometry, WORKING.v, states[inside, 0])
+    states, half = parts.states, parts.half
+    values, normal = np.full(half.size, -np.inf), np.zeros((half.size, 3))
+    found = nearest_surface(rules.machine.geometry, WORKING.v, states[inside, 0])
+    values[inside], normal[inside] = found
     speed = np.hypot(states[:, 1, 0], states[:, 1, 2])
-    bow = 0.5 * np.hypot(second[:, 0], second[:, 2]) * half * half
+    bow = 0.5 * np.hypot(parts.second[:, 0], parts.second[:, 2]) * half * half
     lowest = values - speed * half - bow
-    slope = np.abs(np.sum(states[:, 1] * normal, axis=1))
+    needed = rules.machine.clearance + SURE
+    slope = np.abs((states[:, 1] * normal).sum(axis=1))
     spare = values - slope * half - bow - needed
     rows = np.flatnonzero((lowest < needed) & (spare > 0.0))
     if rows.size:
-        lowest[rows] = np.maximum(
-            lowest[rows],
-            _from_anchors(rules, states[rows], normal[rows], half[rows], spare[rows]) - bow[rows],
-        )
-    return values, lowest
+        chord = states[rows, 1] * half[rows, None]
+        better = _from_anchors(rules, states[rows, 0], normal[rows], chord, spare[rows])
+        lowest[rows] = np.maximum(lowest[rows], better - bow[rows])
+    return values[:, None], lowest[:, None]
 
 
 def _from_anchors(
-    rules: Rules, states: FloatArray, normal: FloatArray, half: FloatArray, spare: FloatArray
+    rules: Rules, position: FloatArray, normal: FloatArray, chord: FloatArray, spare: FloatArray
 ) -> FloatArray:
     """Bound the clearance on chords by that of anchors away from the nearest surface.
 
     The anchor is twice as far away as the chord's length asks for: with the offset l, the bound is
     short of the true value by about w^2 / (2 l) at a distance w along the surface.
     """
-    chord = states[:, 1, ::2] * half[:, None]
-    longest = _REACH_OF_ANCHOR * rules.machine.geometry.leg_length
-    offset = np.minimum(np.maximum(np.sum(chord**2, axis=1) / spare, 1e-3), longest)
-    anchor = states[:, 0] + offset[:, None] * normal
-    reached = (reach_of(anchor, rules.constants).lacking < 0.0).all(axis=1)
-    clear = np.full(half.size, -np.inf)
-    clear[reached], _ = nearest_surface(rules.machine.geometry, WORKING.v, anchor[reached])
-    way = offset[:, None] * normal[:, ::2]
-    ends = [np.hypot(*(way + side * chord).T) for side in (-1.0, 1.0)]
-    return clear - np.maximum(*ends)
+    geometry = rules.machine.geometry
+    way = chord[:, ::2]
+    offset = (way * way).sum(axis=1) / spare
+    offset = offset.clip(1e-3, _FARTHEST_ANCHOR * geometry.leg_length)[:, None] * normal
+    anchor = position + offset
+    reached = reach_of(anchor, rules.constants).lacking.max(axis=1) < 0.0
+    clear = np.full(spare.size, -np.inf)
+    clear[reached], _ = nearest_surface(geometry, WORKING.v, anchor[reached])
+    ahead, behind = offset[:, ::2] - way, offset[:, ::2] + way
+    bound: FloatArray = clear - np.maximum(np.hypot(*ahead.T), np.hypot(*behind.T))
+    return bound
 
 
-def _boxes(
-    machine: Machine, states: FloatArray, second: FloatArray, half: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _boxes(machine: Machine, parts: Parts) -> tuple[FloatArray, FloatArray]:
     """How far outside each keep-out box a sample is, along the axis that is farthest out."""
-    if not machine.keep_out:
-        empty = np.zeros((half.size, 0))
-        return empty, empty
-    width = half[:, None]
-    change = np.abs(states[:, 1]) * width + 0.5 * second * width * width
-    margins, lowest = [], []
-    for box in machine.keep_out:
-        below, above = np.subtract(box.low, states[:, 0]), states[:, 0] - np.array(box.high)
-        outside = np.maximum(below, above)
-        margins.append(outside.max(axis=1))
-        lowest.append((outside - change).max(axis=1))
-    return np.stack(margins, axis=1), np.stack(lowest, axis=1)
+    values = np.zeros((parts.half.size, len(machine.keep_out)))
+    lowest = values.copy()
+    if machine.keep_out:
+        half, position = parts.half[:, None], parts.states[:, 0]
+        change = np.abs(parts.states[:, 1]) * half + 0.5 * parts.second * half * half
+        for i, box in enumerate(machine.keep_out):
+            outside = np.maximum(np.subtract(box.low, position), position - np.array(box.high))
+            values[:, i] = outside.max(axis=1)
+            lowest[:, i] = (outside - change).max(axis=1)
+    return values, lowest
