@@ -1,13 +1,17 @@
-"""A primal-dual interior-point method for the retiming problem, whose rows touch three unknowns.
+"""A primal-dual interior-point method for the retiming problem, whose rows touch few unknowns.
 
-Minimise   sum_p weight_p / sqrt(point_p . x)   subject to   row_r . x <= bound_r
+Minimise   sum_p weight_p / sqrt(point_p . x + offset_p)   subject to   row_r . x <= bound_r
 
-where ``point_p`` and ``row_r`` are nonzero in three consecutive unknowns only. Each step then solves
-a symmetric system with five diagonals, so that a step costs O(n). Predictor and corrector after
-Mehrotra (1992), with the true second derivatives of the objective.
+where ``point_p`` and ``row_r`` are nonzero in four consecutive unknowns only. Each step then solves
+a symmetric system with seven diagonals, so that a step costs O(n). Predictor and corrector after
+Mehrotra (1992), with the true second derivatives of the objective. Everything is scaled to about 1.
+
+An unknown that no row touches stays as it is.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -15,65 +19,65 @@ from numba import njit
 from duoglide.arrays import FloatArray
 
 MAX_STEPS = 60
+WIDTH = 4  # consecutive unknowns that a row touches
 _BACK = 0.995  # how far to go toward the nearest bound
+_LEAST_SLACK = 1e-3
+_FIRST_GAP = 0.1  # of the cost
+_BACK_COST = 0.9  # how far to go toward an infinite cost
+_FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 1e-8
+_STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1e-2 here
 
 
 def _factor(band: FloatArray) -> bool:
-    """Factor in place into L D L', with L's two lower diagonals in rows 1 and 2."""
-    n = band.shape[1]
+    """Factor in place into L D L', D in row 0 and L's lower diagonals in the rows after it."""
+    width, n = band.shape
     for i in range(n):
         d = band[0, i]
         if not d > 0.0:
             return False
-        l1 = band[1, i] / d
-        l2 = band[2, i] / d
-        if i + 1 < n:
-            band[0, i + 1] -= l1 * band[1, i]
-            band[1, i + 1] -= l1 * band[2, i]
-        if i + 2 < n:
-            band[0, i + 2] -= l2 * band[2, i]
-        band[1, i] = l1
-        band[2, i] = l2
+        for j in range(1, min(width, n - i)):
+            ratio = band[j, i] / d
+            for k in range(j, min(width, n - i)):
+                band[k - j, i + j] -= ratio * band[k, i]
+        for j in range(1, min(width, n - i)):
+            band[j, i] /= d
     return True
 
 
 def _back_solve(band: FloatArray, y: FloatArray) -> None:
     """Solve in place with the factors of ``_factor``."""
-    n = y.size
+    width, n = band.shape
     for i in range(n):
-        if i + 1 < n:
-            y[i + 1] -= band[1, i] * y[i]
-        if i + 2 < n:
-            y[i + 2] -= band[2, i] * y[i]
+        for j in range(1, min(width, n - i)):
+            y[i + j] -= band[j, i] * y[i]
     for i in range(n - 1, -1, -1):
         value = y[i] / band[0, i]
-        if i + 1 < n:
-            value -= band[1, i] * y[i + 1]
-        if i + 2 < n:
-            value -= band[2, i] * y[i + 2]
+        for j in range(1, min(width, n - i)):
+            value -= band[j, i] * y[i + j]
         y[i] = value
 
 
-def _times(first: FloatArray, rows: FloatArray, x: FloatArray, out: FloatArray) -> None:
+def _times(first: Any, rows: FloatArray, x: FloatArray, out: FloatArray) -> None:
+    """Multiply the rows by ``x``."""
     for r in range(rows.shape[0]):
-        k = first[r]
-        out[r] = rows[r, 0] * x[k] + rows[r, 1] * x[k + 1] + rows[r, 2] * x[k + 2]
+        total = 0.0
+        for j in range(WIDTH):
+            total += rows[r, j] * x[first[r] + j]
+        out[r] = total
 
 
 def _add_square(band: FloatArray, k: int, g: FloatArray, w: float) -> None:
-    """Add w g g' for one row that begins at unknown ``k``."""
-    band[0, k] += w * g[0] * g[0]
-    band[1, k] += w * g[0] * g[1]
-    band[2, k] += w * g[0] * g[2]
-    band[0, k + 1] += w * g[1] * g[1]
-    band[1, k + 1] += w * g[1] * g[2]
-    band[0, k + 2] += w * g[2] * g[2]
+    """Add w g g' for one row ``g`` that begins at unknown ``k``."""
+    for i in range(WIDTH):
+        part = w * g[i]
+        for j in range(i, WIDTH):
+            band[j - i, k + i] += part * g[j]
 
 
 def _add(y: FloatArray, k: int, g: FloatArray, w: float) -> None:
-    y[k] += w * g[0]
-    y[k + 1] += w * g[1]
-    y[k + 2] += w * g[2]
+    """Add w g for one row ``g`` that begins at unknown ``k``."""
+    for i in range(WIDTH):
+        y[k + i] += w * g[i]
 
 
 factor = njit(cache=True)(_factor)
@@ -83,106 +87,149 @@ add_square = njit(cache=True)(_add_square)
 add = njit(cache=True)(_add)
 
 
-def _solve(first, rows, bounds, point_first, points, weights, x, fixed, tolerance):  # type: ignore[no-untyped-def]
-    n = x.size
-    m = bounds.size
-    p = weights.size
-    value = np.empty(p)
-    gx = np.empty(m)
-    s = np.empty(m)
-    z = np.empty(m)
-    ds = np.empty(m)
-    dz = np.empty(m)
-    gd = np.empty(m)
-    band = np.empty((3, n))
-    gradient = np.empty(n)
-    residual = np.empty(n)
-    dx = np.empty(n)
-    times(point_first, points, x, value)
-    cost = 0.0
-    for i in range(p):
-        cost += weights[i] / np.sqrt(value[i])
-    times(first, rows, x, gx)
-    for r in range(m):
-        s[r] = max(bounds[r] - gx[r], 1e-3 * abs(bounds[r]))
-        z[r] = 0.1 * cost / m / s[r]
-    for step in range(MAX_STEPS):
-        band[:] = 0.0
-        gradient[:] = 0.0
-        cost = 0.0
-        for i in range(p):
-            root = 1.0 / np.sqrt(value[i])
-            w = weights[i]
-            cost += w * root
-            cube = root * root * root
-            add(gradient, point_first[i], points[i], -0.5 * w * cube)
-            add_square(band, point_first[i], points[i], 0.75 * w * cube * root * root)
-        residual[:] = gradient
-        mu = 0.0
-        primal = 0.0
-        for r in range(m):
-            add(residual, first[r], rows[r], z[r])
-            add_square(band, first[r], rows[r], z[r] / s[r])
-            mu += z[r] * s[r]
-            primal = max(primal, gx[r] + s[r] - bounds[r])
-        dual = 0.0
-        for i in range(fixed, n):
-            dual += abs(residual[i] * x[i])
-        if mu <= tolerance * cost and dual <= tolerance * cost and primal <= 1e-9:
-            return step, True
-        mu /= m
-        for i in range(fixed):
+def _assembled(system: Any, goal: Any, iterate: Any, newton: Any) -> Any:
+    """Fill in the Newton matrix and the gradients at the iterate.
+
+    Returns:
+        Cost, sum of slack times multiplier, size of the dual residual, largest primal residual.
+    """
+    first, rows, bounds = system
+    point_first, points, _offsets, weights = goal
+    x, value, gx, state = iterate
+    band, gradient, _dx = newton
+    band[:] = 0.0
+    gradient[:] = 0.0
+    now = 0.0
+    for p in range(weights.size):
+        root = 1.0 / np.sqrt(value[p])
+        cube = weights[p] * root * root * root
+        now += weights[p] * root
+        add(gradient, point_first[p], points[p], -0.5 * cube)
+        add_square(band, point_first[p], points[p], 0.75 * cube * root * root)
+    dual = gradient.copy()
+    gap = 0.0
+    primal = 0.0
+    for r in range(bounds.size):
+        state[0, r] = gx[r] + state[1, r] - bounds[r]
+        add(dual, first[r], rows[r], state[2, r])
+        add_square(band, first[r], rows[r], state[2, r] / state[1, r])
+        gap += state[1, r] * state[2, r]
+        primal = max(primal, abs(state[0, r]))
+    slope = 0.0
+    for i in range(x.size):
+        slope += abs(dual[i] * x[i])
+        if band[0, i] == 0.0:  # no row touches this unknown
             band[0, i] = 1.0
-            band[1, i] = 0.0
-            band[2, i] = 0.0
-        if not factor(band):
+    return now, gap, slope, primal
+
+
+assembled = njit(cache=True)(_assembled)
+
+
+def _direction(system: Any, state: FloatArray, newton: Any, target: float, second: bool) -> Any:
+    """Solve for one step, of dx and of the slacks and multipliers in ``state``.
+
+    ``state`` holds, a row each: residual of the constraint, slack, multiplier, step of the slack,
+    step of the multiplier. The first step is the predictor; the second one corrects it.
+
+    Returns:
+        How far the slacks and the multipliers can go until one of them is zero, at most 1.
+    """
+    first, rows, _bounds = system
+    band, gradient, dx = newton
+    residual, s, z, ds, dz = state
+    dx[:] = -gradient
+    for r in range(s.size):
+        pull = z[r] * residual[r]
+        if second:
+            pull += target - ds[r] * dz[r]
+        add(dx, first[r], rows[r], -pull / s[r])
+    back_solve(band, dx)
+    go_s = 1.0
+    go_z = 1.0
+    for r in range(s.size):
+        move = -residual[r]
+        for j in range(WIDTH):
+            move -= rows[r, j] * dx[first[r] + j]
+        change = -z[r] * (1.0 + move / s[r])
+        if second:
+            change += (target - ds[r] * dz[r]) / s[r]
+        ds[r] = move
+        dz[r] = change
+        if move < 0.0:
+            go_s = min(go_s, -s[r] / move)
+        if change < 0.0:
+            go_z = min(go_z, -z[r] / change)
+    return go_s, go_z
+
+
+direction = njit(cache=True)(_direction)
+
+
+def _advance(goal: Any, iterate: Any, dx: FloatArray, go_s: float, go_z: float) -> None:
+    """Step as far as slacks, multipliers and cost stay positive and finite."""
+    point_first, points, _offsets, weights = goal
+    x, value, _gx, state = iterate
+    go_s = min(1.0, _BACK * go_s)
+    go_z = min(1.0, _BACK * go_z)
+    move = np.empty(weights.size)
+    times(point_first, points, dx, move)
+    for p in range(weights.size):
+        if move[p] < 0.0:
+            go_s = min(go_s, -_BACK_COST * value[p] / move[p])
+    x += go_s * dx
+    state[1] += go_s * state[3]
+    state[2] += go_z * state[4]
+
+
+advance = njit(cache=True)(_advance)
+
+
+def _evaluate(system: Any, goal: Any, iterate: Any) -> None:
+    """Multiply rows and points by the unknowns."""
+    x, value, gx, _state = iterate
+    times(goal[0], goal[1], x, value)
+    value += goal[2]
+    times(system[0], system[1], x, gx)
+
+
+evaluate = njit(cache=True)(_evaluate)
+
+
+def _solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> Any:
+    """Solve in place.
+
+    Args:
+        system: First unknown of each row (m,), the rows (m, 4), their bounds (m,).
+        goal: First unknown of each point (p,), the points (p, 4), offsets (p,), weights (p,).
+        x: Where to begin, (n,); need not be feasible, but must have a finite cost. The solution.
+        tolerance: Of the cost, relative.
+
+    Returns:
+        Number of steps, and whether the tolerance was reached.
+    """
+    n = x.size
+    m = system[2].size
+    value = np.empty(goal[3].size)
+    gx = np.empty(m)
+    state = np.zeros((5, m))
+    iterate = (x, value, gx, state)
+    newton = (np.empty((WIDTH, n)), np.empty(n), np.empty(n))
+    evaluate(system, goal, iterate)
+    state[1] = np.maximum(system[2] - gx, _LEAST_SLACK)
+    state[2] = _FIRST_GAP * (goal[3] / np.sqrt(value)).sum() / m / state[1]
+    for step in range(MAX_STEPS):
+        now, gap, slope, primal = assembled(system, goal, iterate, newton)
+        if gap <= tolerance * now and slope <= _STATIONARY * now and primal <= _FEASIBLE:
+            return step, True
+        if not factor(newton[0]):
             return step, False
-        target = 0.0
-        for phase in range(2):
-            for i in range(n):
-                dx[i] = -gradient[i]
-            for r in range(m):
-                back = z[r] / s[r] * (gx[r] + s[r] - bounds[r])
-                if phase == 1:
-                    back += (target - ds[r] * dz[r]) / s[r]
-                add(dx, first[r], rows[r], -back)
-            for i in range(fixed):
-                dx[i] = 0.0
-            back_solve(band, dx)
-            times(first, rows, dx, gd)
-            step_s = 1.0
-            step_z = 1.0
-            for r in range(m):
-                move_s = -(gx[r] + s[r] - bounds[r]) - gd[r]
-                move_z = -z[r] - z[r] / s[r] * move_s
-                if phase == 1:
-                    move_z += (target - ds[r] * dz[r]) / s[r]
-                ds[r] = move_s
-                dz[r] = move_z
-                if move_s < 0.0:
-                    step_s = min(step_s, -s[r] / move_s)
-                if move_z < 0.0:
-                    step_z = min(step_z, -z[r] / move_z)
-            if phase == 0:
-                ahead = 0.0
-                for r in range(m):
-                    ahead += (s[r] + step_s * ds[r]) * (z[r] + step_z * dz[r])
-                target = mu * (ahead / m / mu) ** 3
-        step_s = min(1.0, _BACK * step_s)
-        step_z = min(1.0, _BACK * step_z)
-        for i in range(p):
-            k = point_first[i]
-            g = points[i]
-            move = g[0] * dx[k] + g[1] * dx[k + 1] + g[2] * dx[k + 2]
-            if move < 0.0:
-                step_s = min(step_s, -0.9 * value[i] / move)
-        for i in range(n):
-            x[i] += step_s * dx[i]
-        for r in range(m):
-            s[r] += step_s * ds[r]
-            z[r] += step_z * dz[r]
-        times(point_first, points, x, value)
-        times(first, rows, x, gx)
+        go_s, go_z = direction(system, state, newton, 0.0, False)
+        ahead = ((state[1] + go_s * state[3]) * (state[2] + go_z * state[4])).sum()
+        target = gap / m * (ahead / gap) ** 3
+        go_s, go_z = direction(system, state, newton, target, True)
+        advance(goal, iterate, newton[2], go_s, go_z)
+        evaluate(system, goal, iterate)
     return MAX_STEPS, False
 
 

@@ -65,3 +65,22 @@ def stretch(use: FloatArray) -> float:
     """
     v, a, j = (float(use[..., k, :].max()) for k in range(3))
     return max(v, sqrt(a), cbrt(j))
+
+
+def peaks(samples: FloatArray) -> FloatArray:
+    """Return the largest absolute value between samples along axis 1, estimated by parabolas.
+
+    Args:
+        samples: Evenly spaced, shape (n, points, ...), at least three points.
+
+    Returns:
+        Shape (n, ...).
+    """
+    before, middle, after = samples[:, :-2], samples[:, 1:-1], samples[:, 2:]
+    bend = before - 2.0 * middle + after
+    slope = 0.5 * (after - before)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where = np.abs(slope) < np.abs(bend)  # the parabola's peak is between the outer two
+        top = np.where(where, middle - 0.5 * slope * slope / bend, 0.0)
+    largest: FloatArray = np.maximum(np.abs(samples).max(axis=1), np.abs(top).max(axis=1))
+    return largest

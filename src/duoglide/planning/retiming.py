@@ -22,7 +22,7 @@ from duoglide.arrays import FloatArray
 from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
 from duoglide.planning import _interior_point, _retiming_rows
-from duoglide.planning._retiming_rows import REST
+from duoglide.planning._retiming_rows import POINTS
 from duoglide.planning.path_terms import limit_table, motion_within
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -34,12 +34,14 @@ class Retiming:
     """A solution of the retiming problem.
 
     Attributes:
-        coefficients: Of alpha in B-splines on the grid, (n + 2,).
+        alpha: (d theta/dt)^2 at each node, (n + 1,).
+        beta: d2 theta/dt2 at each node [1/s], (n + 1,).
         converged: Whether the solver reached its tolerance.
     """
 
-    coefficients: FloatArray
-    converged: bool
+    alpha: FloatArray
+    beta: FloatArray
+    converged: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,15 +65,14 @@ class RetimingProblem:
     @classmethod
     def on(cls, path: CarriagePath, base: Profile) -> RetimingProblem:
         """Evaluate the limits along ``base``; none of its pieces crosses a break of the curve."""
-        ends = np.swapaxes(motion_within(path, base, 2), -1, -2)  # cell, end, carriage, derivative
+        terms = np.swapaxes(motion_within(path, base, POINTS), -1, -2)
         velocity, acceleration, jerk = limit_table(path.machine.limits)[:, :, None]
-        nodes = np.concatenate([ends[:, 0], ends[-1:, 1]])
         return cls(
             base=base,
             delta=np.diff(base.knots[:, TIME]),
-            speed=((nodes[..., :1] / velocity) ** 2).max(axis=(-1, -2)),
-            acceleration=nodes[..., :2] / acceleration,
-            jerk=ends / jerk,
+            speed=((terms[..., :1] / velocity) ** 2).max(axis=(-1, -2)),
+            acceleration=terms[..., :2] / acceleration,
+            jerk=terms / jerk,
         )
 
     def uniform(self) -> Retiming:
@@ -79,27 +80,43 @@ class RetimingProblem:
         v = self.speed.max()
         a = np.abs(self.acceleration[..., 1]).max()
         j = np.abs(self.jerk[..., 2]).max()
-        alpha = 1.0 / max(v, a, np.cbrt(j) ** 2)
-        return Retiming(np.full(self.delta.size + 2, alpha), converged=True)
+        count = self.delta.size + 1
+        return Retiming(np.full(count, 1.0 / max(v, a, np.cbrt(j) ** 2)), np.zeros(count))
 
     def improved(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
         """Return the retiming after ``rounds`` tangents, each problem solved to ``tolerance``."""
-        count = self.delta.size + 2
-        first, points, weights = _retiming_rows.duration_points(self.delta)
-        _retiming_rows.tie(first, points, count, REST, REST)
         now = start
         for _ in range(rounds):
-            tangent, _beta = _retiming_rows.nodes_of(self.delta, now.coefficients)
-            row_first, rows, bounds = _retiming_rows.limit_rows(
-                self.delta, self.speed, self.acceleration, self.jerk, tangent
-            )
-            _retiming_rows.tie(row_first, rows, count, REST, REST)
-            x = _SHRINK * now.coefficients[REST : count - REST]
-            converged = _interior_point.solve(
-                row_first, rows, bounds, first, points, weights, x, 0, tolerance
-            )[1]
-            now = Retiming(np.pad(x, REST, mode="edge"), bool(converged))
+            now = self._solved(now, tolerance)
         return now
+
+    def _solved(self, start: Retiming, tolerance: float) -> Retiming:
+        unit = float(self.delta.mean())
+        last = 2 * self.delta.size
+        points = _retiming_rows.duration_points(self.delta, unit)
+        rows = _retiming_rows.limit_rows(
+            self.delta, unit, self.speed, self.acceleration, self.jerk, self._tangent(start)
+        )
+        # alpha is constant in the cells that begin or end at rest: what else it did there would
+        # cost nothing, because the motion hardly moves
+        ties = ((0, 2), (1, -1), (3, -1), (last, last - 2), (last + 1, -1), (last - 1, -1))
+        for unknown, by in ties:
+            _retiming_rows.replace_unknown(points[0], points[1], unknown, by, 0.0)
+            _retiming_rows.replace_unknown(rows[0], rows[1], unknown, by, 0.0)
+        x = np.empty(last + 2)
+        x[0::2] = _SHRINK * start.alpha
+        x[1::2] = _SHRINK * unit * start.beta
+        first, at, weights = points
+        goal = (first, at, np.zeros(weights.size), weights)
+        _steps, converged = _interior_point.solve(rows, goal, x, tolerance)
+        for unknown, by in ties:
+            x[unknown] = x[by] if by >= 0 else 0.0
+        return Retiming(x[0::2].copy(), x[1::2] / unit, bool(converged))
+
+    def _tangent(self, at: Retiming) -> FloatArray:
+        """Return alpha at the points of each cell, (n, 3)."""
+        middle = 0.5 * (at.alpha[1:] + at.alpha[:-1]) - 0.25 * self.delta * np.diff(at.beta)
+        return np.column_stack([at.alpha[:-1], middle, at.alpha[1:]])
 
     def tightened(self, use: FloatArray) -> RetimingProblem:
         """Return this problem with the limits lowered where a solution overshoots them.
@@ -108,18 +125,16 @@ class RetimingProblem:
             use: Largest absolute derivative over its limit in each cell, (n, 3, 3), carriages last.
         """
         over = np.maximum(use, 1.0)
-        beside = np.maximum(over[1:], over[:-1])
-        nodes = np.concatenate([over[:1], beside, over[-1:]])
         return replace(
             self,
-            speed=self.speed * nodes[:, 0].max(axis=-1) ** 2,
-            acceleration=self.acceleration * nodes[:, 1, :, None],
+            speed=self.speed * over[:, None, 0].max(axis=-1) ** 2,
+            acceleration=self.acceleration * over[:, None, 1, :, None],
             jerk=self.jerk * over[:, None, 2, :, None],
         )
 
     def profile(self, retiming: Retiming) -> Profile:
         """Return the retimed motion."""
-        alpha, beta = _retiming_rows.nodes_of(self.delta, retiming.coefficients)
+        alpha, beta = retiming.alpha, retiming.beta
         knots = self.base.knots.copy()
         knots[:, ACCELERATION] = knots[:, ACCELERATION] * alpha + knots[:, SPEED] * beta
         knots[:, SPEED] *= np.sqrt(alpha)
@@ -128,9 +143,12 @@ class RetimingProblem:
 
     def _durations(self, alpha: FloatArray, beta: FloatArray) -> FloatArray:
         """Integrate 1/sqrt(alpha) over each cell."""
-        slope = np.diff(beta) / self.delta
-        u = 0.5 * self.delta[:, None] * (1.0 + _NODES)
-        inside = alpha[:-1, None] + u * (2.0 * beta[:-1, None] + u * slope[:, None])
+        h = self.delta[:, None]
+        u = 0.5 * (1.0 + _NODES)
+        a0, a1 = alpha[:-1, None], alpha[1:, None]
+        b0, b1 = 2.0 * h * beta[:-1, None], 2.0 * h * beta[1:, None]
+        rise = a1 - a0
+        inside = a0 + u * (b0 + u * (3.0 * rise - 2.0 * b0 - b1 + u * (b0 + b1 - 2.0 * rise)))
         result: FloatArray = 0.5 * self.delta * (inside**-0.5 @ _WEIGHTS)
         return result
 

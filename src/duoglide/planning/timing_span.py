@@ -8,11 +8,15 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.carriage_path import CarriagePath
-from duoglide.motion.profile import TIME, Profile
-from duoglide.planning.path_terms import limit_table, motion_within, pieces_of, stretch
+from duoglide.motion.profile import SIGMA, TIME, Profile
+from duoglide.planning.path_terms import limit_table, motion_within, peaks, pieces_of, stretch
 from duoglide.planning.retiming import Retiming, RetimingProblem, on_grid
 from duoglide.planning.timing_base import seven_phases
 from duoglide.planning.timing_grid import grid
+
+POINTS = 9  # at which each piece of a profile is looked at
+_ROUNDING = 1e-6
+_SAME = 1e-7  # of the duration; knots nearer than that are one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,11 +32,11 @@ class Effort:
         tolerance: Of the duration, relative.
     """
 
-    coarse: int = 60
-    cells: int = 240
-    per_piece: int = 8
+    coarse: int = 40
+    cells: int = 120
+    per_piece: int = 6
     rounds: int = 3
-    polish: int = 2
+    polish: int = 3
     tolerance: float = 1e-5
 
 
@@ -54,14 +58,20 @@ def time_span(path: CarriagePath, start: float, end: float, effort: Effort) -> S
     breaks = path.curve.breaks
     inner = breaks[(breaks > start) & (breaks < end)]
     base = _first_motion(path, start, end, inner)
-    fixed = np.unique(np.concatenate([base.knots[:, TIME], [base.time_at(b) for b in inner]]))
-    slow = _certified(path, on_grid(base, grid(fixed, _own_clock(base), 64, 2), inner), 9)
-    found = _quickest(path, base, fixed, inner, effort)
+    fixed = np.array([0.0, *(base.time_at(b) for b in inner), base.duration])
+    slow = _certified(path, on_grid(base, _fine_grid(base, fixed), inner))
+    found = _quickest(path, base, fixed, effort)
     if found is None:
         return Span(slow, "the interior-point method did not converge")
-    if found.duration >= slow.duration:
-        return Span(slow, "the near-optimal motion came out slower than the simple one")
-    return Span(found)
+    return Span(found if found.duration < slow.duration else slow)
+
+
+def _fine_grid(base: Profile, fixed: FloatArray) -> FloatArray:
+    """Return a grid with all the base's own knots, so that it stays what it is."""
+    every = np.concatenate([fixed, base.knots[:, TIME], np.linspace(0.0, base.duration, 65)])
+    every.sort()
+    apart = np.diff(every, prepend=-1.0) > _SAME * base.duration
+    return np.union1d(every[apart], fixed)
 
 
 def _own_clock(base: Profile) -> tuple[FloatArray, FloatArray]:
@@ -78,41 +88,44 @@ def _first_motion(path: CarriagePath, start: float, end: float, inner: FloatArra
     return seven_phases(start, end, (bounds[0], bounds[1], bounds[2]))
 
 
-def _certified(path: CarriagePath, profile: Profile, points: int) -> Profile:
-    """Return ``profile``, slowed until no limit is exceeded at ``points`` of each piece."""
+def _use(path: CarriagePath, profile: Profile) -> FloatArray:
+    """Return the largest use of each limit in each piece of a profile, (n, 3, 3)."""
     limits = limit_table(path.machine.limits)
-    return profile.stretched(stretch(np.abs(motion_within(path, profile, points)) / limits))
+    return peaks(motion_within(path, profile, POINTS) / limits)
+
+
+def _certified(path: CarriagePath, profile: Profile) -> Profile:
+    """Return ``profile``, slowed by one factor so that no limit is exceeded anywhere."""
+    return profile.stretched(stretch(_use(path, profile)) * (1.0 + _ROUNDING))
 
 
 def _quickest(
-    path: CarriagePath, base: Profile, fixed: FloatArray, inner: FloatArray, effort: Effort
+    path: CarriagePath, base: Profile, fixed: FloatArray, effort: Effort
 ) -> Profile | None:
-    rough = RetimingProblem.on(
-        path, on_grid(base, grid(fixed, _own_clock(base), effort.coarse, 2), inner)
-    )
+    """Return the near-optimal motion, or None where the solver does not converge."""
+    sigma = base.at(fixed)[:, SIGMA]
+    wished = base.knots[1:-1, TIME]
+    times = grid(fixed, wished, _own_clock(base), effort.coarse, 2)
+    rough = RetimingProblem.on(path, on_grid(base, times, sigma))
     first = rough.improved(rough.uniform(), 2, 1e-3)
     if not first.converged:
         return None
     clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
-    times = grid(fixed, clock, effort.cells, effort.per_piece)
-    problem = RetimingProblem.on(path, on_grid(base, times, inner))
+    times = grid(fixed, wished, clock, effort.cells, effort.per_piece)
+    problem = RetimingProblem.on(path, on_grid(base, times, sigma))
     found = problem.improved(problem.uniform(), effort.rounds, effort.tolerance)
-    if not found.converged:
-        return None
-    return _polished(path, problem, found, effort)
+    return _polished(path, problem, found, effort) if found.converged else None
 
 
 def _polished(
     path: CarriagePath, problem: RetimingProblem, found: Retiming, effort: Effort
 ) -> Profile:
     """Lower the limits where the motion exceeds them between knots; slow down by what remains."""
-    limits = limit_table(path.machine.limits)
     profile = problem.profile(found)
     for _ in range(effort.polish):
-        use = np.abs(motion_within(path, profile, 5)) / limits
-        problem = problem.tightened(use.max(axis=1))
+        problem = problem.tightened(_use(path, profile))
         again = problem.improved(found, 1, effort.tolerance)
         if not again.converged:
             break
         found, profile = again, problem.profile(again)
-    return _certified(path, profile, 9)
+    return _certified(path, profile)
