@@ -74,7 +74,8 @@ class Drive:
         for _ in range(microseconds // TICK):
             self.axis.tick(TICK, self.axis.servo_demand // 256)
         frames = [
-            (pdo.EMCY + self.node, pdo.pack_emergency(code, 1)) for code in self.axis.take_emergencies()
+            (pdo.EMCY + self.node, pdo.pack_emergency(code, 1))
+            for code in self.axis.take_emergencies()
         ]
         return frames if self.on else []
 

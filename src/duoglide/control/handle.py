@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from duoglide.arrays import as_number
 from duoglide.control.motion import MotionState
 from duoglide.control.orders import Command, Happening
-from duoglide.control.report import RunReport, Tally, Triple
+from duoglide.control.report import RunReport, Tally
 from duoglide.errors import BusError, DriveTimeout, DuoglideError, InputError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from duoglide.control.program import Program
     from duoglide.control.ring import CycleEntry, EventEntry
     from duoglide.control.run_log import RunLog
-    from duoglide.control.scale import Scale
+    from duoglide.control.scale import Scales, Triple
 
 _SETTLING_CYCLES = 10  # recorded after the end, so that the log shows the carriages arrive
 _SETTLING_PATIENCE = 2.0  # [s]
@@ -52,14 +52,14 @@ class RunPlan:
         approach: What gets it to the start; None where it is there.
         program: What it runs.
         override: Rate to begin with.
-        scale: Of the drives.
+        scales: Of the drives.
         limit_use: Of the trajectory, for the report.
     """
 
     approach: Program | None
     program: Program
     override: float
-    scale: Scale
+    scales: Scales
     limit_use: tuple[Triple, Triple, Triple]
 
 
@@ -164,13 +164,13 @@ class RunHandle:
         entry = self._monitor.latest
         if entry is None:
             raise BusError("the streamer has not reported a cycle yet")
-        scale = self._plan.scale
+        scales = self._plan.scales
         return RunStatus(
             state=MotionState(entry.motion),
             path_time=entry.path_time,
             rate=entry.rate,
-            carriages=_mm(entry.actual, scale),
-            following_error=_mm(entry.following, scale),
+            carriages=scales.mm(entry.actual),
+            following_error=scales.mm(entry.following),
         )
 
     def wait(self, timeout: float | None = None) -> RunReport:
@@ -202,7 +202,7 @@ class RunHandle:
         dropped = self._process.ring.dropped
         path = self._log.path if self._log else None
         plan = self._plan
-        self._report = self._tally.report(plan.scale, plan.limit_use, dropped, path)
+        self._report = self._tally.report(plan.scales, plan.limit_use, dropped, path)
         if self._log is not None:
             self._log.add_report(self._report)
         self._resources.close()
@@ -232,8 +232,3 @@ def require_override(override: object) -> float:
     if not 0.0 <= value <= 1.0:
         raise InputError(f"override = {value:g}: must be from 0 to 1 (1 is the planned speed)")
     return value
-
-
-def _mm(increments: tuple[int, int, int], scale: Scale) -> Triple:
-    first, second, third = (scale.millimetres_of(i, value) for i, value in enumerate(increments))
-    return first, second, third

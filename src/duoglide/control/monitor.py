@@ -69,27 +69,15 @@ class Monitor:
         """
         before = self._latest.cycle if self._latest else 0
         return self._wait(
-            lambda: self._latest is not None
-            and self._latest.cycle > before
-            and found(self._latest),
+            lambda: (
+                self._latest is not None and self._latest.cycle > before and found(self._latest)
+            ),
             timeout,
         )
 
-    def wait_for_event(
-        self, wanted: Callable[[EventEntry], bool], timeout: float, mark: int
-    ) -> EventEntry | None:
-        """Wait for the first event after ``mark`` that is wanted; None if it does not come.
-
-        Raises:
-            DuoglideError: The streamer is gone, or a listener has failed.
-        """
-        found: list[EventEntry] = []
-
-        def look() -> bool:
-            found.extend(event for event in self._events[mark:] if wanted(event))
-            return bool(found)
-
-        return found[0] if self._wait(look, timeout) else None
+    def find(self, wanted: Callable[[EventEntry], bool], mark: int) -> EventEntry | None:
+        """Return the first event after ``mark`` that is wanted; None if none has come."""
+        return next((event for event in self._events[mark:] if wanted(event)), None)
 
     def wait_until(self, come: Callable[[], bool], timeout: float | None) -> bool:
         """Wait for something that a listener notices; look again whenever records have come.

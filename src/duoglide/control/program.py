@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import AXES, FloatArray
-from duoglide.control.scale import Scale
+from duoglide.control.scale import IntTriple, Scales
 from duoglide.errors import LimitError
 from duoglide.motion.actions import SetOutput, WaitInput
 from duoglide.storage.records import Phase
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from duoglide.motion.stopping import StopBounds
     from duoglide.motion.trajectory import Trajectory
 
-IntTriple = tuple[int, int, int]
 _STEP_RESERVE = 1.001  # audits allow a thousandth
 
 
@@ -37,26 +36,26 @@ class Fence:
         low: Least position of each axis.
         high: Greatest position of each axis.
         step: Greatest change in one cycle.
-        scale: Between carriages [mm] and increments.
+        scales: Between carriages [mm] and increments.
         gap: Distance that carriages 1 and 2 keep [mm].
     """
 
     low: IntTriple
     high: IntTriple
     step: IntTriple
-    scale: Scale
+    scales: Scales
     gap: float
 
     @classmethod
     def of(cls, machine: Machine) -> Fence:
         """Return the fence of a machine: its travel, carriage width and stop limits."""
-        scale = Scale.of(machine.drives)
+        scales = Scales.of(machine.drives)
         travel = machine.geometry.rail_half_length
-        ends = np.sort(scale.increments(np.array([[-travel] * AXES, [travel] * AXES])), axis=0)
+        ends = np.sort(scales.increments(np.array([[-travel] * AXES, [travel] * AXES])), axis=0)
         way = machine.stop_limits.velocity * machine.drives.cycle * _STEP_RESERVE
-        steps = np.abs(scale.increments(way)) + 1
+        steps = np.abs(scales.increments(way)) + 1
         return cls(
-            _triple(ends[0]), _triple(ends[1]), _triple(steps), scale, machine.carriage_width
+            _triple(ends[0]), _triple(ends[1]), _triple(steps), scales, machine.carriage_width
         )
 
     def refuses(self, target: IntTriple, previous: IntTriple, cycles: int = 1) -> int:
@@ -73,11 +72,8 @@ class Fence:
                 return axis + 1
             if abs(value - previous[axis]) > self.step[axis] * cycles:
                 return axis + 1
-        first, second = (
-            self.scale.millimetres_of(0, target[0]),
-            self.scale.millimetres_of(1, target[1]),
-        )
-        return 2 if second - first < self.gap - self.scale.resolution else 0
+        first, second, _ = self.scales.mm(target)
+        return 2 if second - first < self.gap - self.scales.resolution else 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +124,7 @@ class Program:
 
     def setpoint(self, u: float) -> IntTriple:
         """Return the setpoint at path time ``u`` [increments]."""
-        return self.fence.scale.triple(self.trajectory.at(u).carriages)
+        return self.fence.scales.triple(self.trajectory.at(u).carriages)
 
 
 def prepare(trajectory: Trajectory, machine: Machine, number: int, phase: Phase) -> Program:
@@ -146,7 +142,7 @@ def prepare(trajectory: Trajectory, machine: Machine, number: int, phase: Phase)
     legs = []
     for start, (end, wait) in zip(starts, ends, strict=True):
         times = grid_times(start, end, cycle)
-        grid = fence.scale.increments(trajectory.at(times).carriages)
+        grid = fence.scales.increments(trajectory.at(times).carriages)
         _validate(grid, times, fence)
         legs.append(Leg(start, end, tuple(map(_triple, grid)), wait))
     for before, after in pairwise(legs):
@@ -168,8 +164,8 @@ def _validate(grid: NDArray[np.int64], times: FloatArray, fence: Fence) -> None:
         target = _triple(row)
         axis = fence.refuses(target, previous)
         if axis:
-            mm = [round(fence.scale.millimetres_of(i, v), 4) for i, v in enumerate(target)]
-            before = fence.scale.millimetres_of(axis - 1, previous[axis - 1])
+            mm = [round(value, 4) for value in fence.scales.mm(target)]
+            before = fence.scales.mm(previous)[axis - 1]
             raise LimitError(
                 f"setpoint of carriage {axis} at {time:.4f} s is refused: carriages {mm} mm, the"
                 f" setpoint before it {before:.4f} mm; travel, the carriages' distance of"

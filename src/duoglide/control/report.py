@@ -16,10 +16,9 @@ from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.storage.records import EventRecord, Phase
 
 if TYPE_CHECKING:
-    from duoglide.control.scale import Scale
+    from duoglide.control.scale import Scales, Triple
     from duoglide.control.supervise import Trip
 
-Triple = tuple[float, float, float]
 _QUANTILES = (0.5, 0.99, 0.999, 1.0)
 
 
@@ -136,8 +135,7 @@ class Tally:
         self.first = self.first or entry.time
         self.last = entry.time
         for axis, error in enumerate(entry.following):
-            if abs(error) > self.worst[axis]:
-                self.worst[axis] = abs(error)
+            self.worst[axis] = max(self.worst[axis], abs(error))
         if entry.run == self.program and entry.phase in (Phase.PROGRAM, Phase.STOP):
             self.path_time = entry.path_time
 
@@ -149,15 +147,13 @@ class Tally:
 
     def report(
         self,
-        scale: Scale,
+        scales: Scales,
         limit_use: tuple[Triple, Triple, Triple],
         dropped: int,
         log: Path | None,
     ) -> RunReport:
         """Sum up."""
-        first, second, third = (
-            error / abs(factor) for error, factor in zip(self.worst, scale.factors, strict=True)
-        )
+        first, second, third = scales.mm((self.worst[0], self.worst[1], self.worst[2]))
         return RunReport(
             completed=self.completed,
             cycles=len(self.lateness),
@@ -166,7 +162,7 @@ class Tally:
             lateness=Lateness.of(self.lateness),
             skipped=self.skipped,
             lost=self.lost,
-            following_error=(first, second, third),
+            following_error=(abs(first), abs(second), abs(third)),
             limit_use=limit_use,
             faults=tuple(self.faults),
             events=tuple(self.events),

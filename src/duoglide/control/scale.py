@@ -1,4 +1,4 @@
-"""Whole increments of the drives from mm of the carriages, and back."""
+"""The three drives' scales side by side; the conversion itself is ``drives.scale.Scale``."""
 
 from __future__ import annotations
 
@@ -8,44 +8,48 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import AXES, FloatArray
+from duoglide.drives.scale import Scale
 
 if TYPE_CHECKING:
     from duoglide.machine import DriveSettings
 
+IntTriple = tuple[int, int, int]
+Triple = tuple[float, float, float]
+
 
 @dataclass(frozen=True, slots=True)
-class Scale:
-    """Signed increments per mm of each axis."""
+class Scales:
+    """Conversion between carriages [mm] and the increments of three drives."""
 
-    factors: tuple[float, float, float]
+    axes: tuple[Scale, Scale, Scale]
 
     @classmethod
-    def of(cls, drives: DriveSettings) -> Scale:
-        """Return the scale of a machine's drives: increments per mm times direction."""
-        a, b, c = (k * s for k, s in zip(drives.increments_per_mm, drives.direction, strict=True))
-        return cls((a, b, c))
+    def of(cls, drives: DriveSettings) -> Scales:
+        """Return the scales of a machine's drives."""
+        first, second, third = (Scale.of(drives, number) for number in range(1, AXES + 1))
+        return cls((first, second, third))
 
     @property
     def resolution(self) -> float:
         """Size of the coarsest increment [mm]."""
-        return 1.0 / min(map(abs, self.factors))
+        return max(abs(scale.to_mm(1)) for scale in self.axes)
 
     def increments(self, carriages: FloatArray) -> NDArray[np.int64]:
-        """Round carriages [mm] to increments, shape (..., 3)."""
-        rounded: NDArray[np.int64] = np.rint(carriages * np.array(self.factors)).astype(np.int64)
-        return rounded
+        """Round carriages [mm] to increments, shape (..., 3).
 
-    def millimetres(self, increments: NDArray[np.int64]) -> FloatArray:
-        """Return carriages [mm] from increments, shape (..., 3)."""
-        result: FloatArray = np.asarray(increments) / np.array(self.factors)
-        return result
+        Raises:
+            LimitError: A position is beyond what a drive can count.
+        """
+        columns = [s.to_increments_all(carriages[..., i]) for i, s in enumerate(self.axes)]
+        return np.stack(columns, axis=-1)
 
-    def triple(self, carriages: FloatArray) -> tuple[int, int, int]:
-        """Round one row of carriages [mm] to increments, as the cycle needs them."""
-        (a, b, c), (x, y, z) = self.factors, carriages.tolist()
-        return round(x * a), round(y * b), round(z * c)
+    def triple(self, carriages: FloatArray) -> IntTriple:
+        """Round one row of carriages [mm], as the cycle needs it."""
+        (a, b, c), (x, y, z) = self.axes, carriages.tolist()
+        return a.to_increments(x), b.to_increments(y), c.to_increments(z)
 
-    def millimetres_of(self, axis: int, increments: int) -> float:
-        """Return the position of one axis, counted from 0 [mm]."""
-        return increments / self.factors[axis]
+    def mm(self, increments: IntTriple) -> Triple:
+        """Return carriages [mm], or signed differences of them, from increments."""
+        (a, b, c), (x, y, z) = self.axes, increments
+        return a.to_mm(x), b.to_mm(y), c.to_mm(z)

@@ -224,7 +224,7 @@ class Streamer:
             view = seen.axes[i]
             track.fill(view)
             view.following = abs(track.actual - self._sent[0][i]) if self._enabled else 0
-            if self._power is Power.HOMING:
+            if track.homing:
                 view.statusword = view.following = 0  # bits 12 and 13 mean something else there
         seen.enabled = self._enabled
         seen.moving = motion is not None
@@ -315,17 +315,18 @@ class Streamer:
             motion.stop()
 
     def _stand(self) -> None:
-        """Hold the setpoint where drives are on, and keep it at the actual position elsewhere."""
-        if self._power is Power.ON and not self._enabled:
-            self._enabled = all_in(self._tracks, State.OPERATION_ENABLED)
-            if self._enabled:
-                self.tell(Happening.POWER, detail=Power.ON, value=1.0)
-        elif self._power is Power.ON:
-            return
-        on = State.OPERATION_ENABLED if self._power is Power.ON else None
+        """Hold the setpoints of drives that follow them; elsewhere keep to the actual position.
+
+        A drive that is off, or in homing mode, must find its own position as its target when that
+        ends, or it would jump.
+        """
+        on = self._power is Power.ON
+        if on and not self._enabled and all_in(self._tracks, State.OPERATION_ENABLED):
+            self._enabled = True
+            self.tell(Happening.POWER, detail=Power.ON, value=1.0)
         first, second, third = (
-            old if track.state is on else track.actual
-            for old, track in zip(self._setpoint, self._tracks, strict=True)
+            held if on and track.follows else track.actual
+            for held, track in zip(self._setpoint, self._tracks, strict=True)
         )
         self._setpoint = (first, second, third)
 

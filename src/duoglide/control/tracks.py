@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from duoglide.control.link import ERROR_FRAME, Frame, is_fatal
 from duoglide.control.supervise import AxisView
 from duoglide.drives import pdo
-from duoglide.drives.cia402 import State
+from duoglide.drives.cia402 import Mode, State
 from duoglide.drives.cia402 import decode as decode_state
 from duoglide.errors import DriveError
 
@@ -48,6 +48,16 @@ class AxisTrack:
         self.boots = 0
         self.emergencies: deque[int] = deque(maxlen=16)
         self._feedback: deque[bytes] = deque(maxlen=8)
+
+    @property
+    def homing(self) -> bool:
+        """Whether the drive has said that it is in homing mode."""
+        return self.mode == Mode.HOMING
+
+    @property
+    def follows(self) -> bool:
+        """Whether the drive is under power and not busy with homing."""
+        return self.state is State.OPERATION_ENABLED and not self.homing
 
     def on_feedback(self, data: bytes) -> None:
         """Keep a TPDO1 for the next ``end_of_cycle``."""

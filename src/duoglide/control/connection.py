@@ -1,0 +1,129 @@
+"""Everything that a connected machine holds: drives to talk to, the streamer, its reader."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+from duoglide.arrays import AXES
+from duoglide.control.monitor import Monitor
+from duoglide.control.orders import StreamSettings
+from duoglide.control.process import Assignment, StreamerProcess
+from duoglide.control.supervise import Policy
+from duoglide.drives.axis import Axis
+from duoglide.drives.buses import BusKind, open_bus, parse_bus
+from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
+from duoglide.drives.scale import Scale
+from duoglide.drives.simulated import SimulatedDrives
+from duoglide.kinematics.home import home_carriages
+
+if TYPE_CHECKING:
+    from duoglide.machine import Machine
+
+HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
+_COMMISSIONING = [  # what the host's own connection listens to; the rest is the streamer's
+    {"can_id": SDO_REPLY, "can_mask": 0x780, "extended": False},
+    {"can_id": HEARTBEAT, "can_mask": 0x780, "extended": False},
+]
+
+
+class Connection:
+    """The drives' bus, the streamer and its reader; a resource: ``close`` it.
+
+    Args:
+        machine: Whose drives.
+        bus: Name of the bus; ``virtual`` starts simulated drives at the machine's home.
+
+    Raises:
+        BusError: The bus cannot be opened.
+    """
+
+    def __init__(self, machine: Machine, bus: str) -> None:
+        self._machine = machine
+        self._resources = ExitStack()
+        with ExitStack() as opening:
+            self.simulated: SimulatedDrives | None = None
+            if parse_bus(bus).kind is BusKind.VIRTUAL:
+                drives = SimulatedDrives(machine.drives, home_carriages(machine))
+                self.simulated = opening.enter_context(drives)
+                bus = self.simulated.address
+            self.bus = bus
+            drives_ = machine.drives
+            self.process = StreamerProcess(
+                Assignment(bus, drives_.bit_rate, stream_settings(machine))
+            )
+            opening.callback(self.process.close)
+            self.monitor = Monitor(self.process)
+            opening.callback(self.monitor.close)
+            self._resources = opening.pop_all()
+
+    @contextmanager
+    def axes(self) -> Iterator[tuple[Axis, ...]]:
+        """Open the host's own connection, for objects; the streamer needs none of it."""
+        with open_axes(self._machine, self.bus) as axes:
+            yield axes
+
+    def close(self) -> None:
+        """End the streamer and the simulated drives."""
+        self._resources.close()
+
+
+@contextmanager
+def open_axes(machine: Machine, bus: str) -> Iterator[tuple[Axis, ...]]:
+    """Open a CANopen connection to the three drives, and close it again.
+
+    Raises:
+        BusError: The bus cannot be opened.
+    """
+    import canopen
+
+    opened = open_bus(bus, machine.drives.bit_rate)
+    opened.set_filters(_COMMISSIONING)
+    network = canopen.Network(opened)
+    try:
+        network.connect()
+        yield tuple(Axis(network, machine.drives, number) for number in range(1, AXES + 1))
+    finally:
+        network.disconnect()
+
+
+def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
+    """Identify every drive, then configure every drive, then start them; power stays off.
+
+    Raises:
+        DriveError: A drive is not what the machine file says, or does not keep what is written.
+        DriveTimeout: A drive does not answer.
+    """
+    travel = machine.geometry.rail_half_length
+    for axis in axes:
+        axis.wait_for_boot()
+        axis.identify()
+    for axis in axes:
+        axis.configure((-travel, travel))
+    for axis in axes:
+        axis.command(Nmt.START)
+
+
+def stream_settings(machine: Machine) -> StreamSettings:
+    """Return what the streamer has to know of a machine."""
+    drives = machine.drives
+    window = drives.following_error_window
+    first, second, third = (
+        Scale.of(drives, number).magnitude(window) for number in range(1, AXES + 1)
+    )
+    policy = Policy(
+        heartbeat=math.ceil(drives.heartbeat_timeout / drives.cycle),
+        following=(first, second, third),
+        parent=math.ceil(HOST_PATIENCE / drives.cycle),
+        missing=drives.missing_frames + 1,
+        late=drives.late_cycles + 1,
+    )
+    return StreamSettings(
+        node_ids=drives.node_ids,
+        cycle=round(drives.cycle * 1e9),
+        host_node=drives.host_id,
+        heartbeat_every=max(1, int(drives.heartbeat_period / drives.cycle)),
+        policy=policy,
+    )

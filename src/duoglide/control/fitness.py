@@ -1,0 +1,91 @@
+"""Whether a trajectory may run on a machine: asked again, whoever planned it and whenever."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import ConfigError, DuoglideError, LimitError, PathError
+from duoglide.kinematics.home import room
+from duoglide.kinematics.model import inverse
+
+if TYPE_CHECKING:
+    from duoglide.control.scale import Triple
+    from duoglide.machine import Machine
+    from duoglide.motion.trajectory import State, Trajectory
+
+_PERIOD = 0.0005  # [s] between two places that are looked at
+_FEWEST = 200
+_SAME = 1e-6  # [mm] between the trajectory's carriages and those of this machine
+_LIMIT_RESERVE = 1.001  # what an audit allows
+_TOUCHING = -1e-6  # [mm] of room; planning keeps 1e-7 and more, on the exact path
+
+LimitUse = tuple["Triple", "Triple", "Triple"]
+
+
+def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
+    """Check a trajectory against a machine, and return how much of its limits it uses.
+
+    Args:
+        trajectory: What shall run.
+        machine: What it shall run on; need not be the one that it was planned for.
+
+    Returns:
+        Worst use of each carriage's velocity, acceleration and jerk limit; 1.0 is at the limit.
+
+    Raises:
+        ConfigError: The machine's carriages would be elsewhere: another geometry.
+        PathError: It leaves reach, travel, clearance or free space; says where.
+        LimitError: It asks for more than a limit of this machine.
+    """
+    count = max(_FEWEST, int(trajectory.duration / _PERIOD))
+    times = np.linspace(0.0, trajectory.duration, count)
+    state, positions = trajectory.at(times), trajectory.position_at(times)
+    _require_geometry(machine, positions, state.carriages)
+    _require_room(machine, positions, times)
+    return _require_limits(machine, state, times)
+
+
+def _require_geometry(machine: Machine, positions: FloatArray, carriages: FloatArray) -> None:
+    try:
+        error = np.abs(inverse(machine.geometry, positions) - carriages).max()
+    except DuoglideError as failure:
+        raise ConfigError(f"the trajectory is for another machine: {failure}") from failure
+    if error > _SAME:
+        raise ConfigError(
+            "the trajectory is for another machine: with this one's geometry a carriage would"
+            f" have to be {error:.4g} mm away from where the trajectory puts it; plan it again"
+        )
+
+
+def _require_room(machine: Machine, positions: FloatArray, times: FloatArray) -> None:
+    left = room(machine, positions)
+    worst = int(np.argmin(left))
+    if left[worst] < _TOUCHING:
+        where = ", ".join(f"{value:.3f}" for value in positions[worst])
+        raise PathError(
+            f"at {times[worst]:.4f} s, ({where}) mm, the trajectory leaves this machine's reach,"
+            f" travel, clearance or free space by {-left[worst]:.4g} mm; plan it again",
+            position=tuple(positions[worst].tolist()),
+            quantity="room",
+            amount=float(-left[worst]),
+        )
+
+
+def _require_limits(machine: Machine, state: State, times: FloatArray) -> LimitUse:
+    uses = []
+    for name, unit in (("velocity", "mm/s"), ("acceleration", "mm/s^2"), ("jerk", "mm/s^3")):
+        limit = getattr(machine.limits, name)
+        use = np.abs(getattr(state, name)) / limit
+        row, carriage = np.unravel_index(int(np.argmax(use)), use.shape)
+        if use[row, carriage] > _LIMIT_RESERVE:
+            raise LimitError(
+                f"carriage {carriage + 1} would need {use[row, carriage] * limit[carriage]:.6g}"
+                f" {unit} at {times[row]:.4f} s; limits.{name} of this machine is"
+                f" {limit[carriage]:.6g} {unit}: plan it again, or lower the override"
+            )
+        first, second, third = use.max(axis=0).tolist()
+        uses.append((first, second, third))
+    return uses[0], uses[1], uses[2]
