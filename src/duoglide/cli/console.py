@@ -26,8 +26,8 @@ def complain(message: str, code: int) -> int:
 
 
 def say(text: str = "") -> None:
-    """Write text to stdout as it is."""
-    print(text)
+    """Write text to stdout as it is, at once."""
+    print(text, flush=True)
 
 
 def say_json(value: object) -> None:

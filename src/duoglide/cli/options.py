@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 MachineFile: TypeAlias = Annotated[
     Path | None,
-    typer.Option("--machine", metavar="FILE", help="Machine file (TOML). [default: Table 1]"),
+    typer.Option("--machine", metavar="FILE", help="Machine file (TOML). (default: Table 1)"),
 ]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Bus: TypeAlias = Annotated[

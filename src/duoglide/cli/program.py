@@ -24,11 +24,11 @@ Place: TypeAlias = Annotated[
     str | None, typer.Option("--place", metavar="X,Y,Z", help="To here [mm].")
 ]
 Lift: TypeAlias = Annotated[
-    str | None, typer.Option("--lift", metavar="MM", help="Up by this much [mm]. [default: 25]")
+    str | None, typer.Option("--lift", metavar="MM", help="Up by this much [mm]. (default: 25)")
 ]
 Tolerance: TypeAlias = Annotated[
     str | None,
-    typer.Option("--tolerance", metavar="MM", help="Round the corners within this. [default: 2]"),
+    typer.Option("--tolerance", metavar="MM", help="Round the corners within this. (default: 2)"),
 ]
 
 

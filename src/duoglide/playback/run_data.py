@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import AXES, BoolArray, FloatArray
-from duoglide.control.scale import Scale
+from duoglide.drives.scale import Scale
 from duoglide.errors import LogError
 from duoglide.machine import Machine
 from duoglide.storage import CycleRecord, Document, Log, LogKind, Phase, Topic
@@ -57,17 +57,18 @@ class RunData:
     @property
     def on_program(self) -> BoolArray:
         """Where the cycles belong to the trajectory, not to an approach or a rest, shape (n,)."""
-        return np.isin(self.phase, (Phase.PROGRAM, Phase.STOP))
+        begun = np.logical_or.accumulate(self.phase == Phase.PROGRAM)
+        return begun & np.isin(self.phase, (Phase.PROGRAM, Phase.STOP))
 
     @property
     def setpoint_mm(self) -> FloatArray:
         """Setpoints of the carriages [mm], shape (n, 3)."""
-        return Scale.of(self.machine.drives).millimetres(self.setpoint)
+        return _mm(self.machine, self.setpoint)
 
     @property
     def actual_mm(self) -> FloatArray:
         """Actual positions of the carriages [mm], shape (n, 3)."""
-        return Scale.of(self.machine.drives).millimetres(self.actual)
+        return _mm(self.machine, self.actual)
 
     @property
     def following_error(self) -> FloatArray:
@@ -84,6 +85,15 @@ class RunData:
         for axis in range(AXES):
             error[(self.missing >> axis) & 1 == 1, axis] = np.nan
         return error
+
+
+def _mm(machine: Machine, increments: IntArray) -> FloatArray:
+    """Return carriages [mm] from increments, shape (n, 3)."""
+    mm = np.empty(increments.shape)
+    for axis in range(AXES):
+        scale = Scale.of(machine.drives, axis + 1)
+        mm[:, axis] = [scale.to_mm(value) for value in increments[:, axis].tolist()]
+    return mm
 
 
 def machine_of(log: Log) -> Machine:

@@ -30,7 +30,7 @@ def add_to(app: typer.Typer) -> None:
 
 def machine(
     file: Annotated[
-        Path | None, typer.Argument(help="Machine file to read. [default: Table 1]")
+        Path | None, typer.Argument(help="Machine file to read. (default: Table 1)")
     ] = None,
     out: Annotated[
         Path | None,

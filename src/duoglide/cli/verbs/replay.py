@@ -45,7 +45,7 @@ def replay(
     override: Annotated[
         str | None,
         typer.Option(
-            "--override", metavar="PERCENT", help="Speed of the plan. [default: as it was recorded]"
+            "--override", metavar="PERCENT", help="Speed of the plan. (default: as recorded)"
         ),
     ] = None,
     approach: Approach = False,

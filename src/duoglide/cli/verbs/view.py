@@ -37,9 +37,9 @@ def view(
     ),
     machine: MachineFile = None,
 ) -> None:
-    """Serve the live 3D page: the mechanism, plans and logs, and the running machine.
+    r"""Serve the live 3D page: the mechanism, plans and logs, and the running machine.
 
-    Needs the extra: pip install "duoglide\\[view]". Ctrl-C ends it, and stops the machine first.
+    Needs the extra: pip install "duoglide\[view]". Ctrl-C ends it, and stops the machine first.
     """
     described = load_machine(machine)
     from duoglide.viewer.page import Page

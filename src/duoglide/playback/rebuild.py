@@ -1,0 +1,136 @@
+"""The motion of a recorded run, from the plan in its log and the path time of each cycle.
+
+A run at full speed was the plan, cycle by cycle, and gives the plan back. A run that was slowed
+down, held or stopped gives a trajectory on the same curve whose profile has a knot at every cycle,
+with exactly the path parameter that was streamed then. Either way the setpoints come out the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.control.scale import Scales
+from duoglide.errors import ConfigError, InputError, LogError
+from duoglide.motion.actions import WaitInput
+from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.stopping import stop_bounds
+from duoglide.playback.pace import repaced_profile
+from duoglide.playback.run_data import IntArray, RunData, read_run
+from duoglide.storage import Document, Log, LogKind, Phase
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A run that can be streamed again.
+
+    Attributes:
+        plan: What was to be streamed.
+        motion: What was streamed: the plan itself if its pace was never changed.
+        data: The run.
+    """
+
+    plan: Trajectory
+    motion: Trajectory
+    data: RunData
+
+    @property
+    def at_full_speed(self) -> bool:
+        """Whether the run went through its plan from start to end without a change of pace."""
+        return self.motion is self.plan
+
+
+def rebuild(log: Log) -> Recorded:
+    """Return the motion of a run.
+
+    Raises:
+        LogError: Not a run, it never came onto its program, or its setpoints are not those of its
+            plan.
+    """
+    if log.kind is not LogKind.RUN:
+        raise LogError(f"{log.path} is a {log.kind}, not a run: `duoglide stream` streams it")
+    plan = plan_of(log)
+    data = read_run(log)
+    rows = program_rows(log, data)
+    _require_same_setpoints(log, plan, data, rows)
+    times = path_times(data, rows)
+    if _nominal(plan, data, rows, times):
+        return Recorded(plan, plan, data)
+    return Recorded(plan, _repaced(plan, data, rows, times), data)
+
+
+def plan_of(log: Log) -> Trajectory:
+    """Return the trajectory in a log.
+
+    Raises:
+        LogError: It holds none, or none that can be understood.
+    """
+    try:
+        return Trajectory.from_document(log.document(Document.TRAJECTORY))
+    except (InputError, ConfigError) as error:
+        raise LogError(f"{log.path}: {error}") from error
+
+
+def program_rows(log: Log, data: RunData) -> IntArray:
+    """Return the rows from the first cycle on the program to the last.
+
+    Raises:
+        LogError: There are none.
+    """
+    on = np.flatnonzero(data.on_program)
+    if len(on) == 0:
+        raise LogError(f"{log.path} holds no cycle on its program: there is nothing to replay")
+    return np.arange(on[0], on[-1] + 1)
+
+
+def path_times(data: RunData, rows: IntArray) -> FloatArray:
+    """Return when each of these rows was streamed, from path time 0 on [s]."""
+    cycle = data.machine.drives.cycle
+    begun = 1 if data.path_time[rows[0]] > 0.0 else 0  # the start itself was held before
+    times: FloatArray = (data.cycle[rows] - data.cycle[rows[0]] + begun) * cycle
+    return times
+
+
+def _nominal(plan: Trajectory, data: RunData, rows: IntArray, times: FloatArray) -> bool:
+    """Whether each cycle was the plan's own, to the last bit, up to the end."""
+    expected = np.minimum(times, plan.duration)
+    got = data.path_time[rows]
+    return bool(np.array_equal(expected, got)) and got[-1] == plan.duration
+
+
+def _require_same_setpoints(log: Log, plan: Trajectory, data: RunData, rows: IntArray) -> None:
+    """Refuse a log whose setpoints are not its plan's at its path times."""
+    moving = rows[np.isin(data.phase[rows], (Phase.PROGRAM, Phase.STOP))]
+    carriages = plan.at(data.path_time[moving]).carriages
+    wrong = (Scales.of(data.machine.drives).increments(carriages) != data.setpoint[moving]).any(1)
+    if wrong.any():
+        row = moving[int(np.argmax(wrong))]
+        raise LogError(
+            f"{log.path}: the setpoint of cycle {data.cycle[row]} is not that of the plan at path"
+            f" time {data.path_time[row]:.6f} s; the log does not fit itself"
+        )
+
+
+def _repaced(plan: Trajectory, data: RunData, rows: IntArray, times: FloatArray) -> Trajectory:
+    """Return the plan's curve with the pace of the run."""
+    if any(isinstance(action, WaitInput) for _, action in plan.actions):
+        raise LogError(
+            "a run that was slowed down, held or stopped and waits for inputs cannot be replayed as"
+            " it was; --override 100 replays its plan"
+        )
+    u, rate = data.path_time[rows], data.rate[rows]
+    if times[0] > 0.0:
+        times, u, rate = (
+            np.concatenate([first, column])
+            for first, column in (([0.0], times), ([0.0], u), (rate[:1], rate))
+        )
+    if len(times) < 2:
+        raise LogError("a run of one cycle cannot be replayed")
+    profile = repaced_profile(plan.profile, times, u, rate)
+    actions = tuple(
+        (float(times[np.searchsorted(u, t)]), action) for t, action in plan.actions if t <= u[-1]
+    )
+    draft = replace(plan, profile=profile, actions=actions)
+    return replace(draft, stops=stop_bounds(draft))

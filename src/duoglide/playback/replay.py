@@ -1,0 +1,61 @@
+"""A recorded run once more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from duoglide.errors import LogError
+from duoglide.playback.rebuild import rebuild
+from duoglide.playback.recheck import REPACED, recheck
+from duoglide.storage import read_log
+
+if TYPE_CHECKING:
+    from duoglide.control.report import RunReport
+    from duoglide.machine import Machine
+
+
+def replay(
+    run: str | Path,
+    machine: Machine | None = None,
+    *,
+    bus: str = "virtual",
+    log: str | Path | None = None,
+    approach: bool = False,
+    override: float | None = None,
+) -> RunReport:
+    """Stream a recorded run again, with the same setpoints, after checking it again.
+
+    Args:
+        run: The run's log.
+        machine: Who shall follow it; default: the machine of the log.
+        bus: Name of the bus.
+        log: Where to record the new run; None: nowhere.
+        approach: Whether to make a planned approach where the machine is not at the start.
+        override: Speed as a share of the plan's, 0 to 1; None: the pace that was recorded.
+
+    Raises:
+        LogError: The log cannot be read, or does not hold a run that can be replayed.
+        PathError: The machine cannot follow the path; says where, what and by how much.
+        LimitError: The motion is too quick for the machine; says what would do.
+        BusError: No such bus.
+        DriveError: A drive refuses; also where the machine is not at the start of the run.
+    """
+    source = Path(run)
+    if log is not None and Path(log).resolve() == source.resolve():
+        raise LogError(f"{source}: the new log must not take the place of the run that is replayed")
+    recorded = rebuild(read_log(source))
+    described = machine if machine is not None else recorded.plan.machine
+    if override is None and not recorded.at_full_speed:
+        stop = described.stop_limits  # which a change of pace may use
+        trajectory = recheck(described, recorded.motion, stop, allowed=REPACED)
+    else:
+        trajectory = recheck(described, recorded.plan, described.limits, override=override or 1.0)
+    from duoglide.control.robot import Robot
+
+    with Robot.connect(described, bus=bus) as robot:
+        robot.enable()
+        robot.home()
+        return robot.run(
+            trajectory, log=log, approach=approach, override=1.0 if override is None else override
+        )
