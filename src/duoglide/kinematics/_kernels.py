@@ -107,7 +107,8 @@ def forward_pose(a1: float, a2: float, a3: float, k: Constants) -> tuple[float, 
     share = 1.0 / E
     X = (F1 * K - F3 * turn) * share
     Z = (F3 * K + F1 * turn) * share
-    sure = (abs(B) > 1e-6) & (rise > FAINT * (l2 * l2)) & (cross > FAINT * (K * K))
+    size = l9 * l9 + l6 * l6 + E
+    sure = (abs(B) > 1e-6) & (rise > FAINT * (l2 * l2)) & (cross > FAINT * (size * size))
     return X + xb, y, Z + zb, sure
 
 

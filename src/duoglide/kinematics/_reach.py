@@ -40,15 +40,22 @@ class Reach:
 
 def reach_of(position: FloatArray, k: Constants) -> Reach:
     """Evaluate every link at finite positions of shape (..., 3); never fails."""
+    with np.errstate(over="ignore"):
+        return _reach_of(position[..., 0], position[..., 2], k)
+
+
+def _reach_of(x: FloatArray, z: FloatArray, k: Constants) -> Reach:
     cx, base, l6, l2, _half, xb, zb, l9, v, *_ = k
-    x, z = position[..., 0], position[..., 2]
     u = x - cx
     A = v * np.sqrt(np.maximum((l6 - u) * (l6 + u), 0.0))
     h = z - base - A
     X, Z = x - xb, z - zb
     p = np.sqrt(np.maximum((l2 - h) * (l2 + h), 0.0))
     q = np.sqrt(np.maximum(l9 * l9 - (X * X + Z * Z), 0.0))
-    lacking = np.stack([np.abs(u) - l6, np.abs(h) - l2, np.hypot(X, Z) - l9], axis=-1)
+    # near the arm's own edge, rounding x alone moves A, and h with it, by up to a square root
+    noise = 2.0**-51 * l6 * (np.abs(x) + abs(cx) + l6)
+    slack = noise / np.maximum(np.abs(A), np.sqrt(noise))
+    lacking = np.stack([np.abs(u) - l6, np.abs(h) - l2 - slack, np.hypot(X, Z) - l9], axis=-1)
     return Reach(A=A, h=h, p=p, q=q, lacking=lacking)
 
 
