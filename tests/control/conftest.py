@@ -100,7 +100,7 @@ class Bench:
         self._answers: list[tuple[int, bytes]] = []
         self._life = 0
         self.number = 0
-        values = {"heartbeat": 125, "parent": 500, **policy}
+        values = {"heartbeat": 125, "host": 500, **policy}
         settings = StreamSettings(
             machine.drives.node_ids, CYCLE, 127, 25, Policy(following=(5000,) * 3, **values)
         )

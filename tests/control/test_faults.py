@@ -90,8 +90,8 @@ FAULTS = [
     (dead_bus, Condition.BUS, 0, None, 2),
     (bus_off, Condition.BUS, 0, None, 2),
     (error_passive, Condition.BUS, 0, None, 2),
-    (host_gone, Condition.PARENT_GONE, 0, Happening.STOPPED, 2),
-    (host_silent, Condition.PARENT_SILENT, 0, Happening.STOPPED, 60),
+    (host_gone, Condition.HOST_GONE, 0, Happening.STOPPED, 2),
+    (host_silent, Condition.HOST_SILENT, 0, Happening.STOPPED, 60),
     (pressed, Condition.PRESSED, 0, None, 2),
 ]
 
@@ -99,7 +99,7 @@ FAULTS = [
 @pytest.fixture
 def running(make_bench: Callable[..., Any]) -> Any:
     """Return a bench in the middle of a run, at full speed."""
-    bench = make_bench(heartbeat=50, parent=50).enable()
+    bench = make_bench(heartbeat=50, host=50).enable()
     bench.run(bench.straight())
     bench.step(240)
     return bench

@@ -8,10 +8,11 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
+from duoglide.control.happenings import trip_of
 from duoglide.control.monitor import Monitor
-from duoglide.control.orders import StreamSettings
+from duoglide.control.orders import Happening, StreamSettings
 from duoglide.control.process import Assignment, StreamerProcess
-from duoglide.control.supervise import Policy
+from duoglide.control.supervise import Condition, Policy
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
@@ -20,13 +21,11 @@ from duoglide.drives.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
+    from duoglide.control.ring import EventEntry
     from duoglide.machine import Machine
 
 HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
-_COMMISSIONING = [  # what the host's own connection listens to; the rest is the streamer's
-    {"can_id": SDO_REPLY, "can_mask": 0x780, "extended": False},
-    {"can_id": HEARTBEAT, "can_mask": 0x780, "extended": False},
-]
+_LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
 
 
 class Connection:
@@ -43,21 +42,41 @@ class Connection:
     def __init__(self, machine: Machine, bus: str) -> None:
         self._machine = machine
         self._resources = ExitStack()
-        with ExitStack() as opening:
-            self.simulated: SimulatedDrives | None = None
-            if parse_bus(bus).kind is BusKind.VIRTUAL:
-                drives = SimulatedDrives(machine.drives, home_carriages(machine))
-                self.simulated = opening.enter_context(drives)
-                bus = self.simulated.address
-            self.bus = bus
-            drives_ = machine.drives
-            self.process = StreamerProcess(
-                Assignment(bus, drives_.bit_rate, stream_settings(machine))
-            )
-            opening.callback(self.process.close)
-            self.monitor = Monitor(self.process)
-            opening.callback(self.monitor.close)
-            self._resources = opening.pop_all()
+        self.simulated: SimulatedDrives | None = None
+        if parse_bus(bus).kind is BusKind.VIRTUAL:
+            drives = SimulatedDrives(machine.drives, home_carriages(machine).tolist())
+            self.simulated = self._resources.enter_context(drives)
+            bus = self.simulated.address
+        self.bus = bus
+        self._start_stream()
+
+    def _start_stream(self) -> None:
+        drives = self._machine.drives
+        assignment = Assignment(self.bus, drives.bit_rate, stream_settings(self._machine))
+        try:
+            self.process = StreamerProcess(assignment)
+        except BaseException:
+            self._resources.close()
+            raise
+        self.monitor = Monitor(self.process)
+
+    @property
+    def failed(self) -> bool:
+        """Whether the streamer is gone or has lost the bus for good."""
+        return not self.process.alive or self.monitor.find(_is_bus_failure, 0) is not None
+
+    def restart(self) -> None:
+        """Begin anew with another streamer, on the bus opened again.
+
+        Raises:
+            BusError: The bus cannot be opened.
+        """
+        self._stop_stream()
+        self._start_stream()
+
+    def _stop_stream(self) -> None:
+        self.monitor.close()
+        self.process.close()
 
     @contextmanager
     def axes(self) -> Iterator[tuple[Axis, ...]]:
@@ -67,6 +86,7 @@ class Connection:
 
     def close(self) -> None:
         """End the streamer and the simulated drives."""
+        self._stop_stream()
         self._resources.close()
 
 
@@ -80,13 +100,17 @@ def open_axes(machine: Machine, bus: str) -> Iterator[tuple[Axis, ...]]:
     import canopen
 
     opened = open_bus(bus, machine.drives.bit_rate)
-    opened.set_filters(_COMMISSIONING)
+    opened.set_filters([{"can_id": i, "can_mask": 0x780, "extended": False} for i in _LISTENS])
     network = canopen.Network(opened)
     try:
         network.connect()
         yield tuple(Axis(network, machine.drives, number) for number in range(1, AXES + 1))
     finally:
         network.disconnect()
+
+
+def _is_bus_failure(event: EventEntry) -> bool:
+    return event.kind == Happening.TRIP and trip_of(event).condition is Condition.BUS
 
 
 def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
@@ -116,7 +140,7 @@ def stream_settings(machine: Machine) -> StreamSettings:
     policy = Policy(
         heartbeat=math.ceil(drives.heartbeat_timeout / drives.cycle),
         following=(first, second, third),
-        parent=math.ceil(HOST_PATIENCE / drives.cycle),
+        host=math.ceil(HOST_PATIENCE / drives.cycle),
         missing=drives.missing_frames + 1,
         late=drives.late_cycles + 1,
     )

@@ -64,7 +64,8 @@ class CycleEntry(NamedTuple):
     def from_flat(cls, values: tuple[Any, ...]) -> CycleEntry:
         """Build the entry from its 26 numbers in the ring."""
         v = values
-        return cls(*v[:6], v[6:9], v[9:12], v[12:15], v[15:18], v[18:21], *v[21:])
+        triples = (v[6:9], v[9:12], v[12:15], v[15:18], v[18:21])
+        return cls._make((*v[:6], *triples, *v[21:]))
 
 
 class EventEntry(NamedTuple):

@@ -15,8 +15,9 @@ from duoglide.control.motion import OVER, Motion, MotionState
 from duoglide.control.orders import Command, Happening, Inbox, Outbox, StreamSettings
 from duoglide.control.power import Power, all_in, controlword
 from duoglide.control.ring import CycleEntry, EventEntry
-from duoglide.control.supervise import Condition, Observation, Reaction, assess
+from duoglide.control.supervise import Condition, Reaction
 from duoglide.control.tracks import Dispatch
+from duoglide.control.watch import Watch
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
 from duoglide.errors import BusError
@@ -25,7 +26,7 @@ from duoglide.storage.records import Phase
 if TYPE_CHECKING:
     from duoglide.control.clock import Clock
     from duoglide.control.link import Frame, Link
-    from duoglide.control.program import IntTriple
+    from duoglide.control.scale import IntTriple
 
 SETPOINT_DELAY = (
     2  # cycles from the SYNC that a setpoint follows to the SYNC at which it is reached
@@ -55,18 +56,16 @@ class Streamer:
         beat = (pdo.HEARTBEAT + settings.host_node, bytes((pdo.NmtState.OPERATIONAL,)))
         self._sync: tuple[Frame, ...] = ((pdo.SYNC, b""),)
         self._sync_and_beat: tuple[Frame, ...] = (*self._sync, beat)
-        self._seen = Observation()
+        self._watch = Watch(settings.policy)
         self._motion: Motion | None = None
         self._setpoint, self._words = _ZEROS, _ZEROS
         self._sent = deque([_ZEROS] * (SETPOINT_DELAY + 1), SETPOINT_DELAY + 1)
         self._pace = (0.0, 0.0, Phase.HOLD, MotionState.NONE)  # path time, rate, of this cycle
         self._outputs = [0] * AXES
         self._due: list[Frame] = []
-        self._told: set[tuple[Condition, int, int]] = set()
-        self._reaction = Reaction.NONE
         self._power, self._enabled = Power.SILENT, False
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
-        self._life = self._leaving = 0
+        self._leaving = 0
         self._unsent = self._link_dead = False
         self.done = False
 
@@ -92,7 +91,7 @@ class Streamer:
         self._supervise()
         self._move()
         self._command()
-        self._seen.unsent = self._seen.unsent + 1 if self._unsent else 0
+        self._watch.see_sending(self._unsent)
 
     def tell(
         self, kind: Happening, axis: int = 0, detail: int = 0, code: int = 0, value: float = 0.0
@@ -154,14 +153,13 @@ class Streamer:
         elif order is Command.RUN:
             self._start(argument, value)
         elif order is Command.FORGET:
-            self._told.clear()
-            self._reaction = Reaction.NONE
+            self._watch.forget()
         elif order is Command.OUTPUTS:
             self._set_outputs(argument, int(value))
         elif order is Command.CLOSE:
             self.done = True
         elif order is Command.QUICK_STOP:
-            self._seen.pressed = True
+            self._watch.seen.pressed = True
         elif self._motion is not None:
             self._pace_motion(self._motion, order, value)
 
@@ -179,7 +177,7 @@ class Streamer:
     def _switch(self, power: Power) -> None:
         """Change the goal of the drives' power; what is latched forbids to switch it on."""
         on = power in (Power.ON, Power.HOMING)
-        if self._motion is not None or (on and self._reaction is not Reaction.NONE):
+        if self._motion is not None or (on and self._watch.reaction is not Reaction.NONE):
             self.tell(Happening.REFUSED, detail=Command.POWER)
             return
         self._power = power
@@ -189,7 +187,7 @@ class Streamer:
     def _start(self, number: int, override: float) -> None:
         """Begin a program, if everything is as it must be; tell if it is not."""
         program = self._inbox.program(number)
-        ready = self._enabled and self._power is Power.ON and self._reaction is Reaction.NONE
+        ready = self._enabled and self._power is Power.ON and self._watch.reaction is Reaction.NONE
         if program is None or not ready or self._motion is not None:
             self.tell(Happening.REFUSED, detail=Command.RUN, value=number)
         elif axis := program.fence.refuses(program.first, self._setpoint):
@@ -207,49 +205,37 @@ class Streamer:
     # When and how to stop
 
     def _supervise(self) -> None:
+        seen, watch = self._watch.seen, self._watch
         if self._skipped:
             self.tell(Happening.LATE, value=self._skipped)
-        self._observe()
+        for number, track in enumerate(self._tracks, 1):
+            for code in track.emergencies:
+                self.tell(Happening.EMERGENCY, axis=number, code=code)
+        watch.see_axes(self._tracks, self._sent[0] if self._enabled else None)
+        watch.see_time(self._skipped, self._outbox.signs_of_life)
+        seen.moving = self._motion is not None
+        seen.bus_failed = self._link_dead or self._dispatch.bus_failed
+        seen.host_gone = self._inbox.host_gone
         if self._power is not Power.SILENT:
             self._judge()
-        elif self._seen.parent_gone:
+        elif seen.host_gone:
             self.done = True
-        self._seen.pressed = False
-
-    def _observe(self) -> None:
-        seen, motion = self._seen, self._motion
-        for i, track in enumerate(self._tracks):
-            for code in track.emergencies:
-                self.tell(Happening.EMERGENCY, axis=i + 1, code=code)
-            view = seen.axes[i]
-            track.fill(view)
-            view.following = abs(track.actual - self._sent[0][i]) if self._enabled else 0
-            if track.homing:
-                view.statusword = view.following = 0  # bits 12 and 13 mean something else there
-        seen.enabled = self._enabled
-        seen.moving = motion is not None
-        seen.late = seen.late + self._skipped if self._skipped else 0
-        seen.bus_failed = self._link_dead or self._dispatch.bus_failed
-        seen.parent_gone = self._inbox.host_gone
-        life = self._outbox.signs_of_life
-        seen.parent = seen.parent + 1 + self._skipped if life == self._life else 0
-        self._life = life
+        seen.pressed = False
 
     def _judge(self) -> None:
-        """React to every condition that is met, once, and only ever more strongly."""
-        for trip in assess(self._seen, self._settings.policy):
-            key = (trip.condition, trip.axis, trip.code)
-            if key not in self._told:
-                self._told.add(key)
-                detail = _CONDITIONS[trip.condition]
-                self.tell(Happening.TRIP, trip.axis, detail, trip.code, float(trip.reaction))
-            if trip.reaction > self._reaction:
-                self._reaction = trip.reaction
-                if trip.reaction is Reaction.QUICK_STOP:
-                    self._end_motion(Happening.STOPPED)
-                    self._power, self._enabled = Power.QUICK_STOP, False
-                elif self._motion is not None:
-                    self._motion.stop()
+        """React to what is met for the first time, and only ever more strongly."""
+        before = self._watch.reaction
+        for trip in self._watch.news():
+            detail = _CONDITIONS[trip.condition]
+            self.tell(Happening.TRIP, trip.axis, detail, trip.code, float(trip.reaction))
+        reaction = self._watch.reaction
+        if reaction is before:
+            return
+        if reaction is Reaction.QUICK_STOP:
+            self._end_motion(Happening.STOPPED)
+            self._power, self._enabled = Power.QUICK_STOP, False
+        elif self._motion is not None:
+            self._motion.stop()
 
     def _end_motion(self, kind: Happening) -> None:
         if self._motion is not None:
@@ -259,7 +245,7 @@ class Streamer:
     def _leave(self) -> None:
         """Once the host is gone and everything stands: power off, wait for the drives, end."""
         self._leaving += (1 + self._skipped) * self._settings.cycle
-        if self._reaction is not Reaction.QUICK_STOP or self._leaving > _BRAKING * 1e9:
+        if self._watch.reaction is not Reaction.QUICK_STOP or self._leaving > _BRAKING * 1e9:
             self._power, self._enabled = Power.OFF, False
         off = all_in(self._tracks, State.SWITCH_ON_DISABLED)
         self.done = self._leaving > (_BRAKING + _LEAVING) * 1e9 or (
@@ -274,16 +260,16 @@ class Streamer:
         if self._motion is None:
             self._pace = (self._pace[0], 0.0, Phase.HOLD, MotionState.NONE)
             self._stand()
-            if self._seen.parent_gone:
+            if self._watch.seen.host_gone:
                 self._leave()
 
     def _advance(self, motion: Motion) -> None:
         """Take the motion's next setpoint; a gap is bridged, unless it is why we stop."""
-        gap = self._skipped if self._seen.late < self._settings.policy.late else 0
+        gap = 0 if self._watch.too_late else self._skipped
         target = motion.advance(1 + gap)
         refused = motion.program.fence.refuses(target, self._setpoint, 1 + gap)
         if refused:
-            self._seen.refused = refused
+            self._watch.seen.refused = refused
             self._judge()
             return
         self._setpoint = target

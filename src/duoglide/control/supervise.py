@@ -46,8 +46,8 @@ class Condition(Enum):
     LATE = "late cycles in a row"
     UNSENT = "frames could not be sent"
     BUS = "bus has failed"
-    PARENT_GONE = "host process is gone"
-    PARENT_SILENT = "host process does not answer"
+    HOST_GONE = "host process is gone"
+    HOST_SILENT = "host process does not answer"
     REFUSED = "setpoint outside travel or step limit"
     PRESSED = "quick stop was commanded"
 
@@ -62,12 +62,12 @@ class Policy:
         unsent: Cycles in a row whose frames could not be sent.
         heartbeat: Age of a drive's last heartbeat [cycles].
         following: Following error per axis [increments].
-        parent: Age of the parent's last sign of life [cycles].
+        host: Age of the parent's last sign of life [cycles].
     """
 
     heartbeat: int
     following: tuple[int, int, int]
-    parent: int
+    host: int
     missing: int = 3
     late: int = 3
     unsent: int = 3
@@ -98,8 +98,8 @@ class Observation:
         late: Late cycles in a row.
         unsent: Cycles in a row whose frames could not be sent.
         bus_failed: The link is dead, or the controller is bus-off or error-passive.
-        parent_gone: The host process has ended.
-        parent: Age of its last sign of life [cycles].
+        host_gone: The host process has ended.
+        host: Age of its last sign of life [cycles].
         refused: Axis whose setpoint broke a rule, 1 to 3; 0 for none.
         pressed: Quick stop was commanded.
     """
@@ -110,8 +110,8 @@ class Observation:
     late: int = 0
     unsent: int = 0
     bus_failed: bool = False
-    parent_gone: bool = False
-    parent: int = 0
+    host_gone: bool = False
+    host: int = 0
     refused: int = 0
     pressed: bool = False
 
@@ -157,8 +157,8 @@ def assess(seen: Observation, policy: Policy) -> Iterator[Trip]:
 
 
 def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
-    if seen.parent_gone:
-        yield Trip(Condition.PARENT_GONE, Reaction.STOP_AND_DISABLE)
+    if seen.host_gone:
+        yield Trip(Condition.HOST_GONE, Reaction.STOP_AND_DISABLE)
     if seen.pressed:
         yield Trip(Condition.PRESSED, Reaction.QUICK_STOP)
     if seen.bus_failed:
@@ -171,8 +171,8 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.UNSENT, Reaction.STOP_ON_PATH)
     if seen.moving and seen.late >= policy.late:
         yield Trip(Condition.LATE, Reaction.STOP_ON_PATH)
-    if seen.moving and seen.parent >= policy.parent:
-        yield Trip(Condition.PARENT_SILENT, Reaction.STOP_ON_PATH)
+    if seen.moving and seen.host >= policy.host:
+        yield Trip(Condition.HOST_SILENT, Reaction.STOP_ON_PATH)
 
 
 def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]:

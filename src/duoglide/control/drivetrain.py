@@ -1,0 +1,222 @@
+"""Power and position reference of the three drives."""
+
+from __future__ import annotations
+
+import time
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from duoglide.control.connection import Connection, bring_up
+from duoglide.control.happenings import trip_of
+from duoglide.control.orders import Command, Happening
+from duoglide.control.power import Power
+from duoglide.control.scale import Scales
+from duoglide.control.supervise import Condition
+from duoglide.drives.cia402 import Mode, State, decode
+from duoglide.errors import DriveError, DriveTimeout, NotHomedError
+from duoglide.kinematics.home import home_carriages
+
+if TYPE_CHECKING:
+    from duoglide.arrays import FloatArray
+    from duoglide.control.ring import CycleEntry, EventEntry
+    from duoglide.drives.axis import Axis
+    from duoglide.machine import Machine
+
+_PATIENCE = 5.0  # [s] for a change of power
+_HERE = 37  # homing method: the place where the carriage stands is known
+_OFF = (State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY_TO_SWITCH_ON)
+_FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
+
+
+class Drivetrain:
+    """Three drives that are switched, homed and reset as one.
+
+    Args:
+        machine: Whose drives.
+        connection: To them.
+    """
+
+    def __init__(self, machine: Machine, connection: Connection) -> None:
+        self.machine = machine
+        self.scales = Scales.of(machine.drives)
+        self._connection = connection
+        self._homed = False
+        self._homed_at = 0
+
+    # What it is
+
+    @property
+    def latest(self) -> CycleEntry:
+        """The newest cycle.
+
+        Raises:
+            DriveError: None has come yet.
+        """
+        entry = self._connection.monitor.latest
+        if entry is None:
+            raise DriveError("nothing has been heard of the drives yet")
+        return entry
+
+    @property
+    def enabled(self) -> bool:
+        """Whether all three drives are under power and follow setpoints."""
+        entry = self._connection.monitor.latest
+        return (
+            entry is not None
+            and entry.power == Power.ON
+            and all(decode(word) is State.OPERATION_ENABLED for word in entry.statusword)
+        )
+
+    @property
+    def homed(self) -> bool:
+        """Whether the position reference is known; a drive that reboots loses it."""
+        return self._homed and not self._connection.monitor.find(_is_boot_up, self._homed_at)
+
+    def require_homed(self) -> None:
+        """Raise NotHomedError unless the position reference is known."""
+        if not self.homed:
+            raise NotHomedError("the position reference is not known: home the machine first")
+
+    @property
+    def carriages(self) -> FloatArray:
+        """Where the drives say that the carriages are [mm], shape (3,)."""
+        return np.array(self.scales.mm(self.latest.actual))
+
+    @property
+    def held(self) -> FloatArray:
+        """Where the setpoints hold the carriages [mm], shape (3,)."""
+        return np.array(self.scales.mm(self.latest.setpoint))
+
+    def axes(self) -> AbstractContextManager[tuple[Axis, ...]]:
+        """Open a connection for the drives' objects."""
+        return self._connection.axes()
+
+    # Bring-up and power
+
+    def bring_up(self) -> None:
+        """Identify and configure the drives, and start their cyclic frames; power stays off."""
+        with self.axes() as axes:
+            bring_up(self.machine, axes)
+            self._set_homed(all(axis.read_homed() for axis in axes))
+        if not self._connection.monitor.wait_for(lambda entry: not entry.missing, _PATIENCE):
+            raise DriveTimeout("the drives are operational but do not answer SYNC with feedback")
+
+    def enable(self) -> None:
+        """Bring all three drives under power, holding where they stand."""
+        with self.axes() as axes:
+            for axis in axes:
+                if axis.safe_torque_off():
+                    raise axis.error("safe torque off is active; close its circuit first", 0x5441)
+                if axis.read_state() is State.FAULT:
+                    raise axis.fault()
+                axis.set_mode(Mode.CYCLIC_SYNCHRONOUS_POSITION)
+            self._switch(Power.ON, (State.OPERATION_ENABLED,))
+
+    def disable(self) -> None:
+        """Take the power off, step by step."""
+        entry = self._connection.monitor.latest
+        if entry is not None and entry.power != Power.SILENT:
+            self._switch(Power.OFF, _OFF)
+
+    def set_brakes(self, closed: bool) -> None:
+        """Close or release the holding brakes, through bit 0 of 0x60FE:1."""
+        with self.axes() as axes:
+            for index, axis in enumerate(axes):
+                word = axis.read(0x60FE, 1) & ~1 | int(closed)
+                self._connection.process.order(Command.OUTPUTS, index, float(word))
+
+    def reset_fault(self) -> None:
+        """Acknowledge faults and latched stops, and configure the drives again; power stays off."""
+        if self._connection.failed:
+            self._connection.restart()
+        order = self._connection.process.order
+        with self.axes() as axes:
+            for axis in axes:
+                axis.wait_for_boot()
+            order(Command.FORGET)
+            order(Command.POWER, Power.RESET)
+            if not self._connection.monitor.wait_for(_no_fault, _PATIENCE):
+                raise next(axis.fault() for axis in axes if axis.read_state() in _FAULTY)
+            order(Command.POWER, Power.SILENT)
+            bring_up(self.machine, axes)
+            self._set_homed(all(axis.read_homed() for axis in axes))
+
+    # Reference
+
+    def home(self, again: bool) -> None:
+        """Home all three drives together; those that remember are left alone unless ``again``."""
+        with self.axes() as axes:
+            if not again and all(axis.read_homed() for axis in axes):
+                self._set_homed(True)
+                return
+            if not self.enabled:
+                raise DriveError("homing needs power: enable the drives first")
+            self._set_homed(False)
+            goals = self._goals()
+            self._switch(Power.HOMING, (State.OPERATION_ENABLED,))
+            for axis, goal in zip(axes, goals, strict=True):
+                axis.start_homing(goal)
+            self._await_homing(axes)
+            self._await_setpoints([axis.read(0x6064) for axis in axes])
+            self._switch(Power.ON, (State.OPERATION_ENABLED,))
+            for axis, goal in zip(axes, goals, strict=True):
+                axis.end_homing(goal)
+        self._set_homed(True)
+
+    def _goals(self) -> list[float]:
+        """Return where each carriage is once it is homed [mm]."""
+        homing = self.machine.drives.homing
+        here = home_carriages(self.machine).tolist()
+        rows = zip(homing.method, homing.switch_position, here, strict=True)
+        return [place if method == _HERE else switch for method, switch, place in rows]
+
+    def _await_homing(self, axes: tuple[Axis, ...]) -> None:
+        deadline = time.monotonic() + self.machine.drives.homing.timeout
+        while not all(axis.homing_done() for axis in axes):
+            if time.monotonic() > deadline:
+                raise DriveTimeout(
+                    f"homing is not over after {self.machine.drives.homing.timeout:g} s"
+                )
+
+    def _await_setpoints(self, positions: list[int]) -> None:
+        """Wait until the streamer holds the drives where they now count that they are."""
+        window = self.machine.drives.following_error_window
+        first, second, third = positions
+        says = np.array(self.scales.mm((first, second, third)))
+
+        def there(entry: CycleEntry) -> bool:
+            return bool(np.all(np.abs(self.scales.mm(entry.setpoint) - says) < window))
+
+        if not self._connection.monitor.wait_for(there, _PATIENCE):
+            raise DriveTimeout("the feedback does not show the position that was homed to")
+
+    # Inside
+
+    def _set_homed(self, homed: bool) -> None:
+        self._homed, self._homed_at = homed, self._connection.monitor.mark
+
+    def _switch(self, power: Power, goals: tuple[State, ...]) -> None:
+        """Give an order and wait until every drive is where it leads."""
+        monitor = self._connection.monitor
+        mark = monitor.mark
+        self._connection.process.order(Command.POWER, power)
+
+        def reached(entry: CycleEntry) -> bool:
+            return entry.power == power and all(decode(w) in goals for w in entry.statusword)
+
+        if monitor.wait_for(reached, _PATIENCE):
+            return
+        if monitor.find(lambda event: event.kind == Happening.REFUSED, mark):
+            raise DriveError("a stop is latched; reset_fault() acknowledges it on purpose")
+        words = [f"axis {i}: {decode(w).words}" for i, w in enumerate(self.latest.statusword, 1)]
+        raise DriveTimeout(f"power {power.name.lower()} is not reached: {'; '.join(words)}")
+
+
+def _no_fault(entry: CycleEntry) -> bool:
+    return not any(decode(word) in _FAULTY for word in entry.statusword)
+
+
+def _is_boot_up(event: EventEntry) -> bool:
+    return event.kind == Happening.TRIP and trip_of(event).condition is Condition.BOOT_UP
