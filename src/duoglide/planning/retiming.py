@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.carriage_path import CarriagePath
@@ -42,6 +43,35 @@ class Retiming:
     alpha: FloatArray
     beta: FloatArray
     converged: bool = True
+
+    def split(self, delta: FloatArray, parts: NDArray[np.intp]) -> Retiming:
+        """Return the same retiming on a finer grid.
+
+        Args:
+            delta: Length of each cell, (n,).
+            parts: Into how many even parts each cell is divided, (n,).
+        """
+        cell = np.repeat(np.arange(delta.size), parts)
+        within = np.arange(cell.size) - np.repeat(np.cumsum(parts) - parts, parts)
+        u, h = within / parts[cell], delta[cell]
+        c0, c1, c2, c3 = self._cubics(delta)[:, cell]
+        alpha = c0 + u * (c1 + u * (c2 + u * c3))
+        beta = 0.5 * (c1 + u * (2.0 * c2 + 3.0 * u * c3)) / h
+        return Retiming(np.append(alpha, self.alpha[-1]), np.append(beta, self.beta[-1]))
+
+    def _cubics(self, delta: FloatArray) -> FloatArray:
+        """Return the coefficients of alpha in powers of the share of each cell, (4, n)."""
+        a0, rise = self.alpha[:-1], np.diff(self.alpha)
+        b0, b1 = 2.0 * delta * self.beta[:-1], 2.0 * delta * self.beta[1:]
+        return np.stack([a0, b0, 3.0 * rise - 2.0 * b0 - b1, b0 + b1 - 2.0 * rise])
+
+    def durations(self, delta: FloatArray) -> FloatArray:
+        """Integrate 1/sqrt(alpha) over each cell."""
+        c0, c1, c2, c3 = self._cubics(delta)[:, :, None]
+        u = 0.5 * (1.0 + _NODES)
+        alpha = c0 + u * (c1 + u * (c2 + u * c3))
+        result: FloatArray = 0.5 * delta * (alpha**-0.5 @ _WEIGHTS)
+        return result
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,19 +168,8 @@ class RetimingProblem:
         knots = self.base.knots.copy()
         knots[:, ACCELERATION] = knots[:, ACCELERATION] * alpha + knots[:, SPEED] * beta
         knots[:, SPEED] *= np.sqrt(alpha)
-        knots[1:, TIME] = np.cumsum(self._durations(alpha, beta))
+        knots[1:, TIME] = np.cumsum(retiming.durations(self.delta))
         return Profile(knots)
-
-    def _durations(self, alpha: FloatArray, beta: FloatArray) -> FloatArray:
-        """Integrate 1/sqrt(alpha) over each cell."""
-        h = self.delta[:, None]
-        u = 0.5 * (1.0 + _NODES)
-        a0, a1 = alpha[:-1, None], alpha[1:, None]
-        b0, b1 = 2.0 * h * beta[:-1, None], 2.0 * h * beta[1:, None]
-        rise = a1 - a0
-        inside = a0 + u * (b0 + u * (3.0 * rise - 2.0 * b0 - b1 + u * (b0 + b1 - 2.0 * rise)))
-        result: FloatArray = 0.5 * self.delta * (inside**-0.5 @ _WEIGHTS)
-        return result
 
 
 def on_grid(base: Profile, times: FloatArray, breaks: FloatArray) -> Profile:

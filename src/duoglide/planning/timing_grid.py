@@ -6,7 +6,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 
-_LEAST_OF_STEP = 0.25  # a wished knot nearer to a fixed one than this share of a step is left out
+_NEAR = 0.25  # of a step; a knot nearer than that to a more important one is left out
 
 
 def grid(
@@ -32,24 +32,20 @@ def grid(
     theta, shown = clock
     ends = np.interp(fixed, theta, shown)
     step = (ends[-1] - ends[0]) / cells
-    near = np.interp(wished, theta, shown)
-    apart = np.abs(near[:, None] - ends).min(axis=1, initial=np.inf) > _LEAST_OF_STEP * step
-    parts = []
-    for low, high, begin in zip(ends[:-1], ends[1:], fixed[:-1], strict=True):
+    free = []
+    for low, high in zip(ends[:-1], ends[1:], strict=True):
         count = max(int(np.ceil((high - low) / step - 0.3)), least)
-        part = np.interp(np.linspace(low, high, count + 1)[:-1], shown, theta)
-        part[0] = begin
-        parts.append(part)
-    return _with_wished(np.concatenate([*parts, fixed[-1:]]), wished[apart], fixed)
+        free.append(np.linspace(low, high, count + 1)[1:-1])
+    kept = _apart(np.interp(wished, theta, shown), ends, _NEAR * step)
+    evenly = _apart(np.concatenate(free), kept, _NEAR * step)
+    return np.union1d(np.interp(np.concatenate([kept, evenly]), shown, theta), fixed)
 
 
-def _with_wished(times: FloatArray, wished: FloatArray, fixed: FloatArray) -> FloatArray:
-    """Move the knot that is nearest to each wished time there, unless it is a fixed one."""
-    free = ~np.isin(times, fixed)
-    for wish in wished:
-        distance = np.where(free, np.abs(times - wish), np.inf)
-        nearest = int(np.argmin(distance))
-        if np.isfinite(distance[nearest]):
-            times[nearest] = wish
-            free[nearest] = False
-    return times
+def _apart(points: FloatArray, others: FloatArray, distance: float) -> FloatArray:
+    """Return the points that are at least ``distance`` from all the others, which are ascending."""
+    if not others.size:
+        return points
+    right = np.searchsorted(others, points).clip(0, others.size - 1)
+    left = (right - 1).clip(0)
+    gap = np.minimum(np.abs(others[right] - points), np.abs(others[left] - points))
+    return points[gap > distance]

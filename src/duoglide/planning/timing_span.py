@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.carriage_path import CarriagePath
@@ -16,6 +17,8 @@ from duoglide.planning.timing_grid import grid
 
 POINTS = 9  # at which each piece of a profile is looked at
 _ROUNDING = 1e-6
+_RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
+_USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
 _SAME = 1e-7  # of the duration; knots nearer than that are one
 
 
@@ -28,6 +31,7 @@ class Effort:
         cells: Cells of the second problem.
         per_piece: Cells of each piece of the curve, at least.
         rounds: Tangents of the jerk limit in the second problem.
+        refine: How often to divide cells in which the motion exceeds a limit between points.
         polish: How often to lower the limits where the motion between the knots exceeds them.
         tolerance: Of the duration, relative.
     """
@@ -36,7 +40,8 @@ class Effort:
     cells: int = 120
     per_piece: int = 6
     rounds: int = 3
-    polish: int = 3
+    refine: int = 2
+    polish: int = 2
     tolerance: float = 1e-5
 
 
@@ -114,7 +119,30 @@ def _quickest(
     times = grid(fixed, wished, clock, effort.cells, effort.per_piece)
     problem = RetimingProblem.on(path, on_grid(base, times, sigma))
     found = problem.improved(problem.uniform(), effort.rounds, effort.tolerance)
+    for _ in range(effort.refine):
+        if not found.converged:
+            return None
+        parts = _parts(path, problem.profile(found))
+        times = np.append(
+            np.repeat(times[:-1], parts)
+            + np.concatenate([np.arange(n) * d / n for n, d in zip(parts, problem.delta)]),
+            base.duration,
+        )
+        found = found.split(problem.delta, parts)
+        problem = RetimingProblem.on(path, on_grid(base, times, sigma))
+        found = problem.improved(found, 1, effort.tolerance)
     return _polished(path, problem, found, effort) if found.converged else None
+
+
+def _parts(path: CarriagePath, profile: Profile) -> NDArray[np.intp]:
+    """Return into how many parts each cell is to be divided.
+
+    A limit is exceeded between points, or none is used all along, as one is at the optimum.
+    """
+    samples = np.abs(motion_within(path, profile, POINTS) / limit_table(path.machine.limits))
+    over = np.sqrt((samples.max(axis=(1, 2, 3)) - 1.0).clip(0.0) / _RESOLVED)
+    slack = samples.mean(axis=1).max(axis=(1, 2)) < _USED
+    return np.where(slack, 2, np.clip(np.ceil(over), 1, 4)).astype(np.intp)
 
 
 def _polished(
