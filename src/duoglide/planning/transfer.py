@@ -26,6 +26,7 @@ from duoglide.planning.braking_caps import make_brake_safe
 from duoglide.planning.stopping import stop_bounds
 
 SAME = 1e-9  # mm: nearer than this, start and goal are one pose
+_SAME_POSE = 1e-5  # mm, between a position and what its own carriages give
 HOME_TOLERANCE = 10.0  # mm, at the deep pose on the way round
 
 
@@ -156,17 +157,18 @@ def _require_room(machine: Machine, position: FloatArray, name: str) -> FloatArr
         raise PathError(
             f"{name}: {error}", position=position.tolist(), quantity="reach", amount=error.shortfall
         ) from error
+    found, closed = locate(machine, carriages[None])
     here = room(machine, carriages[None])
     _, quantity, amount = here.worst()
-    if amount <= TOUCHING:
-        _, closed = locate(machine, carriages[None])
-        short = (
-            f"{quantity} is {-amount:.6g} mm too small"
-            if closed[0]
-            else "it is beyond a singularity"
-        )
+    problem = ""
+    if not closed[0] or np.linalg.norm(found[0] - position) > _SAME_POSE:
+        problem = "it lies on or beyond a singularity, in another assembly mode"
+        quantity, amount = "clearance", -machine.clearance
+    elif amount <= TOUCHING:
+        problem = f"{quantity} is {-amount:.6g} mm too small"
+    if problem:
         raise PathError(
-            f"{name} {_show(position)} mm is not admissible: {short}",
+            f"{name} {_show(position)} mm is not admissible: {problem}",
             arc_length=0.0,
             position=position.tolist(),
             quantity=quantity,

@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import duoglide as dg
+from duoglide.motion.rate import ClockState, PathClock
+from duoglide.motion.stopping import StopBounds
+from duoglide.planning.stopping import stop_bounds
+
+STEP = 1e-4
+MACHINE = dg.Machine.default()
+POINTS = [(-80, -100, 300), (40, 100, 290), (-41, 0, 302), (10, -150, 310), (-60, 120, 280)]
+
+
+def moved(machine: dg.Machine, start: int = 0, goal: int = 1) -> dg.Trajectory:
+    return dg.transfer(machine, POINTS[start], POINTS[goal], brake_safe=False)
+
+
+def limits_used(trajectory: dg.Trajectory, times: np.ndarray, step: float) -> np.ndarray:
+    """Worst use of stop_limits by finite differences of the carriages at these path times."""
+    limits = trajectory.machine.stop_limits
+    rows = trajectory.at(times).carriages
+    uses = []
+    for limit in (limits.velocity, limits.acceleration, limits.jerk):
+        rows = np.diff(rows, axis=0) / step
+        uses.append((np.abs(rows) / limit).max(initial=0.0))
+    return np.array(uses)
+
+
+def run(trajectory: dg.Trajectory, commands: list[tuple[int, str, float]]) -> list[float]:
+    """Run a clock through commands, then to a stop; return the path times."""
+    clock = PathClock(trajectory.stops, STEP)
+    times = [0.0]
+    for steps, command, value in [*commands, (4000, "stop", 0.0)]:
+        times += [clock.step(STEP)[0] for _ in range(steps)]
+        if command == "override":
+            clock.set_override(value)
+        else:
+            getattr(clock, command)()
+        if clock.state in (ClockState.FINISHED, ClockState.STOPPED):
+            break
+    times += [clock.step(STEP)[0] for _ in range(2)]
+    assert clock.state in (ClockState.FINISHED, ClockState.STOPPED)
+    return times
+
+
+def many_runs(trajectory: dg.Trajectory, rng: np.random.Generator, runs: int) -> np.ndarray:
+    worst = np.zeros(3)
+    names = ["hold", "resume", "override", "override", "resume"]
+    for _ in range(runs):
+        commands = [
+            (int(rng.integers(1, 400)), names[rng.integers(len(names))], float(rng.uniform()))
+            for _ in range(rng.integers(0, 6))
+        ]
+        commands += [(int(rng.integers(1, 1500)), "stop", 0.0)]
+        times = np.array(run(trajectory, commands))
+        still = np.flatnonzero(np.diff(times) > 0.0)
+        cut = times[: (still[-1] if still.size else 0) + 5]
+        worst = np.maximum(worst, limits_used(trajectory, cut, STEP))
+    return worst
+
+
+@pytest.mark.parametrize(("start", "goal"), [(0, 1), (2, 3), (3, 4)])
+def test_whatever_is_commanded_the_carriages_keep_their_stop_limits(start: int, goal: int) -> None:
+    trajectory = moved(MACHINE, start, goal)
+    worst = many_runs(trajectory, np.random.default_rng(start), 100)
+    assert worst.max() <= 1.0 + 1e-3
+    assert worst[2] > 0.6  # a change of rate makes use of the jerk that it is given
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(500.0, 6000.0),
+    st.floats(5e3, 1.5e5),
+    st.floats(1e5, 2e7),
+    st.floats(1.05, 3.0),
+)
+def test_stop_limits_hold_for_any_limits(
+    seed: int, velocity: float, acceleration: float, jerk: float, reserve: float
+) -> None:
+    limits = dg.CarriageLimits(velocity=velocity, acceleration=acceleration, jerk=jerk)
+    stop = dg.CarriageLimits(
+        velocity=velocity, acceleration=acceleration * reserve, jerk=jerk * reserve
+    )
+    machine = replace(MACHINE, limits=limits, stop_limits=stop)
+    rng = np.random.default_rng(seed)
+    start, goal = rng.permutation(len(POINTS))[:2]
+    worst = many_runs(moved(machine, int(start), int(goal)), rng, 4)
+    assert worst.max() <= 1.0 + 1e-3
+
+
+def test_the_path_is_never_left() -> None:
+    trajectory = moved(MACHINE)
+    times = run(trajectory, [(300, "hold", 0.0), (800, "resume", 0.0), (200, "override", 0.3)])
+    assert np.all(np.diff(times) >= 0.0)
+    assert 0.0 <= times[0] <= times[-1] <= trajectory.duration
+    # a setpoint is the trajectory's own at a path time: there is nothing else to be sent
+
+
+def test_stops_come_near_to_what_no_stop_can_beat() -> None:
+    """One carriage alone, at its speed, needs this long under its stop limits."""
+    trajectory = moved(MACHINE)
+    stop = trajectory.machine.stop_limits
+    bounds = trajectory.stops
+    cells = bounds.falling.slope.size
+    state = trajectory.at((np.arange(cells) + 0.5) / cells * trajectory.duration)
+    v, a, j = np.abs(state.velocity), stop.acceleration, stop.jerk
+    least = np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max(axis=-1)
+    fast = least > 0.5 * least.max()
+    ratio = bounds.stop_times()[fast] / least[fast]
+    assert np.median(ratio) < 2.4
+    assert ratio.min() >= 1.0
+
+
+def test_a_plan_that_leaves_no_reserve_can_still_be_stopped() -> None:
+    machine = replace(MACHINE, stop_limits=MACHINE.limits)
+    trajectory = moved(machine)
+    worst = many_runs(trajectory, np.random.default_rng(5), 5)
+    assert worst.max() <= 1.05
+    assert np.isfinite(trajectory.stops.stop_times()).all()
+
+
+def test_a_motion_that_goes_nowhere_has_bounds() -> None:
+    still = dg.transfer(MACHINE, POINTS[0], POINTS[0])
+    assert still.stops.duration == still.duration
+    empty = SimpleNamespace(machine=MACHINE, duration=0.0, at=still.at)
+    assert stop_bounds(empty) == StopBounds.constant(0.0, 250.0, 62500.0)
