@@ -2,23 +2,48 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from duoglide.cli.console import say, say_json, working
+from duoglide.cli.console import progress, say, say_facts, say_json, triple
+from duoglide.errors import DriveError
 
 if TYPE_CHECKING:
     from duoglide.control.report import RunReport
     from duoglide.control.robot import Robot
     from duoglide.motion.trajectory import Trajectory
 
+_LOOK = 0.1  # [s] between two looks how far it is
+_STOP_PATIENCE = 10.0  # [s]
+
 
 def run_with_progress(
     robot: Robot, trajectory: Trajectory, *, log: Path | None, approach: bool, override: float
 ) -> RunReport:
-    """Run a trajectory while stderr shows that it runs."""
-    with working("streaming"):
-        return robot.run(trajectory, log=log, approach=approach, override=override)
+    """Run a trajectory while stderr shows how far it is; Ctrl-C stops along the path.
+
+    Raises:
+        DuoglideError: It cannot be run, or did not come to its end.
+    """
+    from duoglide.control.verdict import require_success
+
+    handle = robot.start(trajectory, log=log, approach=approach, override=override)
+    try:
+        with progress("streaming", trajectory.duration) as done:
+            while not handle.done:
+                done(handle.status.path_time)
+                time.sleep(_LOOK)
+        report = handle.wait()
+    except KeyboardInterrupt:
+        handle.stop()
+        handle.wait(_STOP_PATIENCE)
+        raise
+    require_success(report)
+    if not report.completed:
+        last = f": {report.events[-1][1].text}" if report.events else ""
+        raise DriveError(f"the run ended at path time {report.path_time:.4f} s{last}")
+    return report
 
 
 def finish(report: RunReport, log: Path | None, as_json: bool) -> None:
@@ -26,6 +51,23 @@ def finish(report: RunReport, log: Path | None, as_json: bool) -> None:
     if as_json:
         say_json(report.to_dict())
         return
-    say(str(report))
+    end = "completed" if report.completed else f"stopped at path time {report.path_time:.3f} s"
+    say(f"{end}: {report.cycles} cycles in {report.duration:.3f} s")
+    say_facts(run_facts(report))
     if log is not None:
         say(f"log: {log}")
+
+
+def run_facts(report: RunReport) -> list[tuple[str, str]]:
+    """Return what a person wants to know of a run."""
+    late = report.lateness
+    rows = [
+        (
+            "lateness",
+            f"median {late.median:.0f}, 99 % {late.p99:.0f}, worst {late.worst:.0f} us"
+            f" after the deadline; {report.skipped} cycles left out",
+        ),
+        ("following error", f"worst {triple(report.following_error, 3)} mm"),
+        ("lost frames", f"{report.lost}"),
+    ]
+    return rows + [("fault", trip.words) for trip in report.faults]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -10,13 +9,24 @@ import numpy as np
 from duoglide.arrays import AXES, BoolArray, FloatArray
 from duoglide.errors import SingularityError, UnreachableError
 from duoglide.kinematics.model import forward, reachable
-from duoglide.kinematics.singularity import Margins, clearance, margins
+from duoglide.kinematics.singularity import clearance, margins
 from duoglide.machine import Geometry
 from duoglide.playback.run_data import RunData, read_run
 from duoglide.storage import Log, LogKind, MotionRecord, Topic
 
 Columns = dict[str, Any]
 """Column name, with its unit as the last word, to an array of one value a row."""
+
+
+FAMILIES = (
+    "legs_vertical",
+    "strut",
+    "legs_parallel",
+    "legs_flat",
+    "arm_strut",
+    "arm_flat",
+)
+"""The margins, as ``Margins`` names them."""
 
 
 def columns_of(log: Log) -> Columns:
@@ -91,14 +101,13 @@ def platform(geometry: Geometry, carriages: FloatArray) -> FloatArray:
 
 def margin_columns(geometry: Geometry, position: FloatArray) -> Columns:
     """Return clearance and every margin at each row of positions [mm], NaN where there is none."""
-    names = [field.name for field in fields(Margins)]
-    table = {f"{name}_mm": np.full(len(position), np.nan) for name in ("clearance", *names)}
+    table = {f"{name}_mm": np.full(len(position), np.nan) for name in ("clearance", *FAMILIES)}
     known: BoolArray = np.asarray(np.isfinite(position).all(axis=-1))
     known[known] = reachable(geometry, position[known])
     if known.any():
         table["clearance_mm"][known] = clearance(geometry, position[known])
         measured = margins(geometry, position[known])
-        for name in names:
+        for name in FAMILIES:
             table[f"{name}_mm"][known] = getattr(measured, name)
     return table
 

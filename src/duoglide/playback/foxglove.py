@@ -11,7 +11,7 @@ from typing import Any
 from duoglide.arrays import AXES
 from duoglide.drives.cia402 import decode
 from duoglide.errors import DriveError
-from duoglide.playback.columns import Columns, run_columns
+from duoglide.playback.columns import FAMILIES, Columns, run_columns
 from duoglide.playback.run_data import read_run
 from duoglide.storage import Log, LogKind, Topic
 from duoglide.storage.atomic import appearing
@@ -24,15 +24,7 @@ _GROUPS: dict[str, tuple[str, ...]] = {
     "/carriage_2": ("setpoint_2_mm", "actual_2_mm", "following_error_2_mm"),
     "/carriage_3": ("setpoint_3_mm", "actual_3_mm", "following_error_3_mm"),
     "/platform": ("x_mm", "y_mm", "z_mm"),
-    "/margins": (
-        "clearance_mm",
-        "legs_vertical_mm",
-        "strut_mm",
-        "legs_parallel_mm",
-        "legs_flat_mm",
-        "arm_strut_mm",
-        "arm_flat_mm",
-    ),
+    "/margins": ("clearance_mm", *(f"{name}_mm" for name in FAMILIES)),
 }
 _POSE = "foxglove.PoseInFrame"
 _LOG = "foxglove.Log"

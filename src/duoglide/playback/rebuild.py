@@ -19,7 +19,7 @@ from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.stopping import stop_bounds
 from duoglide.playback.pace import repaced_profile
 from duoglide.playback.run_data import IntArray, RunData, read_run
-from duoglide.storage import Document, Log, LogKind, Phase
+from duoglide.storage import Document, Log, LogKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def plan_of(log: Log) -> Trajectory:
 
 
 def program_rows(log: Log, data: RunData) -> IntArray:
-    """Return the rows from the first cycle on the program to the last.
+    """Return the rows from the first cycle on the program to the one that came to its end.
 
     Raises:
         LogError: There are none.
@@ -82,7 +82,9 @@ def program_rows(log: Log, data: RunData) -> IntArray:
     on = np.flatnonzero(data.on_program)
     if len(on) == 0:
         raise LogError(f"{log.path} holds no cycle on its program: there is nothing to replay")
-    return np.arange(on[0], on[-1] + 1)
+    end = int(on[-1]) + 1
+    arrived = end < len(data) and data.path_time[end] > data.path_time[end - 1]
+    return np.arange(on[0], end + int(arrived))  # the last step is made in a cycle that then holds
 
 
 def path_times(data: RunData, rows: IntArray) -> FloatArray:
@@ -102,11 +104,10 @@ def _nominal(plan: Trajectory, data: RunData, rows: IntArray, times: FloatArray)
 
 def _require_same_setpoints(log: Log, plan: Trajectory, data: RunData, rows: IntArray) -> None:
     """Refuse a log whose setpoints are not its plan's at its path times."""
-    moving = rows[np.isin(data.phase[rows], (Phase.PROGRAM, Phase.STOP))]
-    carriages = plan.at(data.path_time[moving]).carriages
-    wrong = (Scales.of(data.machine.drives).increments(carriages) != data.setpoint[moving]).any(1)
+    carriages = plan.at(data.path_time[rows]).carriages
+    wrong = (Scales.of(data.machine.drives).increments(carriages) != data.setpoint[rows]).any(1)
     if wrong.any():
-        row = moving[int(np.argmax(wrong))]
+        row = rows[int(np.argmax(wrong))]
         raise LogError(
             f"{log.path}: the setpoint of cycle {data.cycle[row]} is not that of the plan at path"
             f" time {data.path_time[row]:.6f} s; the log does not fit itself"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from duoglide.errors import LogError
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import REPACED, recheck
-from duoglide.storage import read_log
+from duoglide.storage import Document, read_log
 
 if TYPE_CHECKING:
     from duoglide.control.report import RunReport
@@ -31,7 +31,8 @@ def replay(
         machine: Who shall follow it; default: the machine of the log.
         bus: Name of the bus.
         log: Where to record the new run; None: nowhere.
-        approach: Whether to make a planned approach where the machine is not at the start.
+        approach: Whether to make a planned, checked approach where the machine is not at the
+            start; a run that began with an approach always makes one again.
         override: Speed as a share of the plan's, 0 to 1; None: the pace that was recorded.
 
     Raises:
@@ -44,7 +45,9 @@ def replay(
     source = Path(run)
     if log is not None and Path(log).resolve() == source.resolve():
         raise LogError(f"{source}: the new log must not take the place of the run that is replayed")
-    recorded = rebuild(read_log(source))
+    recording = read_log(source)
+    approach = approach or Document.APPROACH in recording.documents
+    recorded = rebuild(recording)
     described = machine if machine is not None else recorded.plan.machine
     if override is None and not recorded.at_full_speed:
         stop = described.stop_limits  # which a change of pace may use

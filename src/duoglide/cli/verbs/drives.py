@@ -40,7 +40,8 @@ def drives(bus: Bus = "virtual", machine: MachineFile = None) -> None:
 
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        with SimulatedDrives(described.drives, home_carriages(described), bus=bus) as running:
+        start = home_carriages(described).tolist()
+        with SimulatedDrives(described.drives, start, bus=bus) as running:
             say(f"three drives on --bus {running.address}, nodes {described.drives.node_ids}")
             say("Ctrl-C ends them")
             while True:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from duoglide.cli.console import percent, say, say_facts, say_json, working
+from duoglide.cli.console import percent, progress, say, say_facts, say_json
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.program import Lift, Pick, Place, Program, Tolerance, read_path
 
@@ -57,9 +57,9 @@ def plan(
     path = read_path(program, pick, place, lift, tolerance)
     from duoglide.planning.plan import plan as make_plan
 
-    with working("planning"):
-        trajectory = make_plan(described, path, brake_safe=brake_safe)
-        audit = trajectory.audit()
+    with progress("planning", 1.0) as done:
+        trajectory = make_plan(described, path, brake_safe=brake_safe, progress=done)
+    audit = trajectory.audit()
     trajectory.save(out)
     if picture is not None:
         from duoglide.viewer.plots import draw_plan

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from duoglide.cli.console import working
 from duoglide.cli.motion import finish, run_with_progress
 from duoglide.cli.options import (
     Approach,
@@ -17,6 +18,7 @@ from duoglide.cli.options import (
     load_machine,
     override_factor,
 )
+from duoglide.errors import LogError
 
 _EXAMPLE = """\
 Examples:
@@ -52,8 +54,11 @@ def stream(
     described = load_machine(machine) if machine is not None else trajectory.machine
     from duoglide.control.robot import Robot
 
+    if log is not None and log.resolve() == plan.resolve():
+        raise LogError(f"{log}: the log must not take the place of the plan")
     with Robot.connect(described, bus=bus) as robot:
-        robot.enable()
-        robot.home()
+        with working("homing"):
+            robot.enable()
+            robot.home()
         report = run_with_progress(robot, trajectory, log=log, approach=approach, override=factor)
     finish(report, log, as_json)
