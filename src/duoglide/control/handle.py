@@ -35,6 +35,7 @@ class RunStatus:
         rate: Path time per time.
         carriages: Where they are [mm].
         following_error: Of each carriage [mm].
+        lateness: How long after its deadline the newest cycle began [us].
     """
 
     state: MotionState
@@ -42,6 +43,7 @@ class RunStatus:
     rate: float
     carriages: Triple
     following_error: Triple
+    lateness: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +173,7 @@ class RunHandle:
             rate=entry.rate,
             carriages=scales.mm(entry.actual),
             following_error=scales.mm(entry.following),
+            lateness=entry.lateness * 1e-3,
         )
 
     def wait(self, timeout: float | None = None) -> RunReport:

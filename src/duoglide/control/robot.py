@@ -263,6 +263,12 @@ class Robot:
         self._run = RunHandle(plan, self._connection.process, self._connection.monitor, run_log)
         return self._run
 
+    def stop(self) -> None:
+        """Stop whatever runs, along its path; from any thread, at any time, as often as wanted."""
+        run = self._run
+        if run is not None and not run.done:
+            run.stop()
+
     def _way_to(self, trajectory: Trajectory, approach: bool) -> Trajectory | None:
         """Return the approach to a trajectory's start; None where the machine is there."""
         held = self._drives.held
