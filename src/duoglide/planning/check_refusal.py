@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.errors import PathError, SingularityError, UnreachableError
+from duoglide.errors import PathError, UnreachableError
 from duoglide.kinematics._distance import nearest_surface
 from duoglide.kinematics._reach import reach_of
-from duoglide.kinematics.model import forward, inverse
-from duoglide.kinematics.modes import WORKING
+from duoglide.kinematics.model import inverse
+from duoglide.kinematics.modes import ASSEMBLY, WORKING
+from duoglide.kinematics.singularity import margins
 from duoglide.machine import Machine
 from duoglide.motion.curve import Curve
 from duoglide.motion.path_segments import show
@@ -19,12 +20,12 @@ from duoglide.planning.check_rules import TOUCHING, Rules, judge_points
 from duoglide.planning.check_search import search
 
 SAMPLES = 1000  # to find how far a rule is broken
-SHIFT_SAMPLES = 100
-SHIFTS = np.arange(0.5, 100.01, 0.5)  # [mm] up and down
+SHIFT_SAMPLES = 60
+SHIFTS = np.arange(1.0, 60.01, 1.0)  # [mm] up and down
 START = 1e-6  # [mm] of sigma
-SAME_POSE = 1e-3  # [mm]
 FINEST = 0.01  # [mm], to which an admissible height is found
 TRIES = 4
+ZOOMS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,23 +63,24 @@ def refusal(rules: Rules, failed_at: float) -> PathError:
 
 
 def assembly_error(machine: Machine, curve: Curve) -> PathError | None:
-    """Tell whether a curve starts beyond a surface that the machine cannot cross to get there."""
+    """Tell whether a curve lies beyond a surface that the machine cannot cross to get there.
+
+    The start decides: a curve that is clear of every surface stays on one side of each.
+    """
     start = curve.position(0.0)
-    try:
-        other = forward(machine.geometry, inverse(machine.geometry, start))
-    except (UnreachableError, SingularityError) as error:
-        return PathError(str(error), arc_length=0.0, position=start.tolist(), quantity="reach")
-    apart = float(np.linalg.norm(other - start))
-    if apart < SAME_POSE:
-        return None
-    return PathError(
-        f"the path starts at {show(start)} mm in another assembly mode: with the carriages there"
-        f" the machine stands at {show(other)} mm",
-        arc_length=0.0,
-        position=start.tolist(),
-        quantity="assembly",
-        amount=apart,
-    )
+    found = margins(machine.geometry, start)
+    for family, sign in (("legs_flat", ASSEMBLY.m), ("arm_strut", ASSEMBLY.n)):
+        beyond = -sign * float(getattr(found, family))
+        if beyond > 0.0:
+            return PathError(
+                f"the path starts at {show(start)} mm beyond {family}, where the margin is"
+                f" {-beyond:.6g} mm: another assembly mode, into which the machine cannot cross",
+                arc_length=0.0,
+                position=start.tolist(),
+                quantity="assembly",
+                amount=beyond,
+            )
+    return None
 
 
 def margins_at(rules: Rules, sigma: FloatArray) -> FloatArray:
@@ -98,9 +100,21 @@ def _breach(rules: Rules, failed_at: float) -> Breach:
     lacking = reach_of(points, rules.constants).lacking.max(axis=1)
     if lacking.max() > -TOUCHING:
         return _out_of_reach(rules, points[int(lacking.argmax())], float(lacking.max()))
-    worst = float(values[stretch].min())
-    position = points[int(values[stretch].argmin())]
-    return _named(rules, family, worst, position)
+    worst, where = _closer(rules, family, sigma[stretch], values[stretch])
+    return _named(rules, family, worst, rules.curve.position(where))
+
+
+def _closer(
+    rules: Rules, family: int, sigma: FloatArray, values: FloatArray
+) -> tuple[float, float]:
+    """Find the least value, and where it is, between evenly spaced samples too."""
+    step = float(sigma[1] - sigma[0]) if sigma.size > 1 else 0.0
+    for _ in range(ZOOMS):
+        where = float(sigma[values.argmin()])
+        sigma = (where + step * np.linspace(-1.0, 1.0, 41)).clip(sigma[0], sigma[-1])
+        values = margins_at(rules, sigma)[:, family]
+        step /= 20.0
+    return float(values.min()), float(sigma[values.argmin()])
 
 
 def _out_of_reach(rules: Rules, position: FloatArray, lacking: float) -> Breach:
