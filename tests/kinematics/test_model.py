@@ -75,7 +75,7 @@ def assembly_of(geometry: dg.Geometry, pose: np.ndarray, mode: dg.WorkingMode) -
 
 
 @given(reached())
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=150, deadline=None, derandomize=True)
 def test_forward_undoes_inverse_in_every_mode(case: Any) -> None:
     geometry, mode, pose = case
     assume(dg.clearance(geometry, pose, mode) > 1e-2)
@@ -99,7 +99,7 @@ def test_jacobian_is_the_complex_step_derivative(case: Any) -> None:
 
 
 @given(reached(), st.lists(st.floats(-50.0, 50.0), min_size=9, max_size=9))
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None, derandomize=True)
 def test_inverse_derivatives_are_those_of_forty_digits(case: Any, rates: list[float]) -> None:
     geometry, mode, pose = case
     assume(dg.clearance(geometry, pose, mode) > 1.0)
@@ -143,10 +143,9 @@ def test_inverse_derivatives_start_with_the_inverse_and_the_jacobian(geometry: d
 
 
 def test_table_2_comes_out_to_the_printed_digits(geometry: dg.Geometry) -> None:
-    carriages = dg.inverse(geometry, TABLE_2[1, 1])
     for signs, position in TABLE_2.items():
-        found = dg.forward(geometry, carriages, dg.AssemblyMode(*signs))
-        np.testing.assert_allclose(found, position, rtol=0, atol=1.01e-4)
+        found = dg.forward(geometry, (-111.24, 244.70, 246.92), dg.AssemblyMode(*signs))
+        np.testing.assert_allclose(found, position, rtol=0, atol=0.5001e-4)
 
 
 def test_every_link_keeps_its_length_at_a_hundred_thousand_poses(
@@ -356,7 +355,7 @@ def test_forward_follows_the_arm_below_its_pivot(geometry: dg.Geometry) -> None:
     """Some 15 % of random carriages with a real (+1, +1) solution land at sin(beta) < 0."""
     rng = np.random.default_rng(8)
     below = found = 0
-    for carriages in rng.uniform(-360.0, 360.0, (4000, 3)):
+    for carriages in rng.uniform(-360.0, 360.0, (1500, 3)):
         try:
             pose = dg.forward(geometry, carriages)
         except (dg.UnreachableError, dg.SingularityError):
@@ -372,7 +371,7 @@ def test_forward_follows_the_arm_below_its_pivot(geometry: dg.Geometry) -> None:
                 break
         else:
             pytest.fail(f"no inverse solution returns {carriages}")
-    assert found > 100
+    assert found > 50
     assert 0.05 < below / found < 0.3
 
 

@@ -11,10 +11,10 @@ from duoglide.kinematics.singularity import clearance, margins
 from duoglide.machine import Machine
 
 DEEPEST = (-41.0, 0.0, 302.0)  # of Table 1's workspace, in whole millimetres
-COLUMNS = 61
-ROUNDS = 4  # each five times finer
-ZOOM = 5.0
-SHIFTS = np.array([0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6, -0.8, 0.8])  # of the way along y
+COLUMNS = 41
+ROUNDS = 5  # each four times finer
+ZOOM = 4.0
+SHIFTS = (0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6, -0.8, 0.8)  # of the way along y, for keep-out boxes
 
 
 def home_position(machine: Machine) -> FloatArray:
@@ -111,10 +111,11 @@ def _deepest(machine: Machine) -> FloatArray:
 
 
 def _spread_along_rails(machine: Machine, poses: FloatArray) -> FloatArray:
-    """Give every pose several y for which its carriages stay on their rails, shape (n, 3)."""
+    """Give every pose one y or several with its carriages on their rails, shape (n, 3)."""
     offsets = inverse(machine.geometry, poses)
     low, high = offsets.min(axis=-1), offsets.max(axis=-1)
     way = np.maximum(machine.geometry.rail_half_length - 0.5 * (high - low), 0.0)
-    spread = np.repeat(poses[:, None, :], SHIFTS.size, axis=1)
-    spread[..., 1] = -0.5 * (low + high)[:, None] + way[:, None] * SHIFTS
+    shifts = np.array(SHIFTS if machine.keep_out else SHIFTS[:1])
+    spread = np.repeat(poses[:, None, :], shifts.size, axis=1)
+    spread[..., 1] = -0.5 * (low + high)[:, None] + way[:, None] * shifts
     return spread.reshape(-1, 3)
