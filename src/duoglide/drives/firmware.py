@@ -21,11 +21,9 @@ from duoglide.drives.firmware_objects import (
     error_register,
 )
 from duoglide.drives.pdo import INTERLOCK
+from duoglide.drives.watchdogs import HEARTBEAT_LOST, FollowingWatch, HostWatch
 
 STO_ACTIVE = 0x5441
-HEARTBEAT_LOST = 0x8130
-SETPOINT_LOST = 0x8250
-SYNC_LOST = 0x8700
 COMMUNICATION = 0x8100
 FOLLOWING = 0x8611
 HOMING_FAILED = 0x8613
@@ -46,6 +44,7 @@ _IDLE_TRANSITIONS = {
     (State.SWITCHED_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
     (State.SWITCHED_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,
 }
+_LARGEST = (1 << 31) - 1
 _POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 
 
@@ -69,10 +68,9 @@ class FirmwareAxis:
         self._limited = False
         self._following_error = False
         self._homing_done = self._homing_error = False
-        self._beyond_window = 0  # for how long [us]
         self._operational = False
-        self._setpoint_age = self._sync_age = self._heartbeat_age = 0  # [us]
-        self._setpoint_watch = self._heartbeat_watch = False
+        self._host = HostWatch()
+        self._window = FollowingWatch()
 
     # -- what the axis says -------------------------------------------------------------------
 
@@ -140,7 +138,7 @@ class FirmwareAxis:
             return value
         if sub or index not in _LIVE:
             raise RefusalError(NO_OBJECT)
-        return _LIVE[index](self)
+        return min(max(_LIVE[index](self), -_LARGEST - 1), _LARGEST)
 
     # -- what comes from the bus --------------------------------------------------------------
 
@@ -160,34 +158,32 @@ class FirmwareAxis:
         elif index == 0x607A and self._follows():
             self._aim(value)
         elif index == 0x1016:
-            self._heartbeat_watch = False
+            self._host.heartbeat_armed = False
 
     def sync(self) -> None:
         """Note that a SYNC has come."""
-        self._sync_age = 0
+        self._host.sync_age = 0
 
     def setpoint(self, controlword: int, target: int) -> None:
         """Take the controlword and the target position that were sent before this SYNC."""
         before = self.objects[0x6040, 0]
         self.objects[0x6040, 0] = controlword
         self.objects[0x607A, 0] = target
-        self._setpoint_age = 0
-        self._setpoint_watch = self._operational
+        self._host.take_setpoint(self._operational)
         self._command(before, controlword)
         if self._follows():
             self._aim(target)
 
     def heartbeat(self) -> None:
         """Note that the host is alive."""
-        self._heartbeat_age = 0
-        self._heartbeat_watch = True
+        self._host.take_heartbeat()
 
     def communication(self, operational: bool) -> None:
         """Note that the node has entered or left NMT OPERATIONAL."""
         left = self._operational and not operational
         self._operational = operational
         if left:
-            self._setpoint_watch = False
+            self._host.setpoint_armed = False
             if self.state is State.OPERATION_ENABLED:
                 self._lose_communication(COMMUNICATION)
 
@@ -207,8 +203,6 @@ class FirmwareAxis:
             return
         if self.powered:
             self.fault(STO_ACTIVE)
-            self.state = State.FAULT
-            self._after_stop = None
         elif self.state is not State.FAULT:
             self.state = State.SWITCH_ON_DISABLED
 
@@ -233,36 +227,26 @@ class FirmwareAxis:
         self._watch(dt)
         if not self.powered:
             self.demand.place(position)
+            self._limited = False
             return
         self.demand.advance(dt, self.objects[0x6085, 0])
-        self._check_following(dt)
+        error = self.demand.position // FRACTION - position
+        if self._window.exceeded(dt, error, self.objects[0x6065, 0], self.objects[0x6066, 0]):
+            self._following_error = True
+            self.fault(FOLLOWING)
         if self._after_stop is not None and self.demand.phase is Phase.HOLD:
             self.state, self._after_stop = self._after_stop, None
 
     def _watch(self, dt: int) -> None:
-        """Watch the host: its heartbeat, its setpoints and SYNC."""
-        self._setpoint_age += dt
-        self._sync_age += dt
-        self._heartbeat_age += dt
-        limit = (self.objects[0x1016, 1] & 0xFFFF) * 1000
-        if self._heartbeat_watch and limit and self._heartbeat_age > limit:
-            self._heartbeat_watch = False
+        """Watch the host: its heartbeat, and in CSP its setpoints and SYNC."""
+        self._host.advance(dt)
+        if self._host.lost_heartbeat(self.objects[0x1016, 1]):
             self._lose_communication(HEARTBEAT_LOST)
-        limit = self.objects[0x1400, 5] * 1000
-        if self._setpoint_watch and limit and self._setpoint_age > limit and self._follows():
-            self._setpoint_watch = False
-            self._lose_communication(SYNC_LOST if self._sync_age > limit else SETPOINT_LOST)
-
-    def _check_following(self, dt: int) -> None:
-        window = self.objects[0x6065, 0]
-        error = self.demand.position // FRACTION - self.actual
-        if abs(error) <= window or window == 0xFFFFFFFF:
-            self._beyond_window = 0
-            return
-        self._beyond_window += dt
-        if self._beyond_window > self.objects[0x6066, 0] * 1000:
-            self._following_error = True
-            self.fault(FOLLOWING)
+        enabled = self.state is State.OPERATION_ENABLED
+        if enabled and self.mode == Mode.CYCLIC_SYNCHRONOUS_POSITION:
+            code = self._host.lost_setpoints(self.objects[0x1400, 5])
+            if code:
+                self._lose_communication(code)
 
     # -- inside -------------------------------------------------------------------------------
 
@@ -340,8 +324,9 @@ class FirmwareAxis:
             return
         if self.state is State.OPERATION_ENABLED:
             self._command_enabled(command, word, rising)
-        elif self.state is State.QUICK_STOP_ACTIVE:
-            self._command_stopped(command)
+        elif self.state is State.QUICK_STOP_ACTIVE:  # no way back up: a host that has not
+            if command is Command.DISABLE_VOLTAGE:  # noticed would still be commanding 0xF
+                self._switch_off()
         elif (goal := _IDLE_TRANSITIONS.get((self.state, command))) is not None and not self.sto:
             if goal is State.OPERATION_ENABLED:
                 self._enable()
@@ -366,13 +351,6 @@ class FirmwareAxis:
             if self.mode == Mode.HOMING and rising & 0x10:
                 self._home()
 
-    def _command_stopped(self, command: Command) -> None:
-        if command is Command.DISABLE_VOLTAGE:
-            self._switch_off()
-        elif command is Command.ENABLE and self.demand.phase is Phase.HOLD:
-            self._enable()
-            self.state = State.OPERATION_ENABLED
-
     def _switch_off(self) -> None:
         self.state = State.SWITCH_ON_DISABLED
         self._after_stop = None
@@ -381,7 +359,7 @@ class FirmwareAxis:
         """Begin to hold the carriage where it is; then the target acts, whatever it is."""
         self.demand.place(self.actual)
         self._halted = self._limited = False
-        self._beyond_window = 0
+        self._window.beyond = 0
         self._after_stop = None
         if self.mode == Mode.CYCLIC_SYNCHRONOUS_POSITION:
             self._aim(self.objects[0x607A, 0])

@@ -12,12 +12,12 @@ from math import floor
 
 from duoglide.drives import pdo
 from duoglide.drives.application import AxisApplication
-from duoglide.drives.firmware import HEARTBEAT_LOST
 from duoglide.drives.node_objects import NodeObjects
 from duoglide.drives.node_pdo import ProcessData
 from duoglide.drives.pdo import Nmt, NmtState
 from duoglide.drives.plant import Plant
 from duoglide.drives.sdo_server import SdoServer
+from duoglide.drives.watchdogs import HEARTBEAT_LOST
 
 Send = Callable[[int, bytes], None]
 _TICK = 1000  # longest step of the application under power [us]

@@ -14,7 +14,7 @@ from duoglide.drives import pdo
 from duoglide.drives.cia402 import State, decode
 from duoglide.drives.node import DriveNode, Send
 
-_LATE = 1.5  # periods after which a SYNC counts as missing
+_LATE = 2.5  # periods after which a SYNC counts as missing, not as late
 _UNLOCKED = 20.0  # periods after which nobody sends SYNC any more
 _LONGEST_GAP = 1_000_000  # what a stopped process makes up for at most [us]
 

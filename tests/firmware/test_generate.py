@@ -1,0 +1,91 @@
+"""The files made from the EDS are not stale, and the EDS and the code say the same."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import cantools
+import pytest
+
+from duoglide.drives import pdo
+from duoglide.drives.configure import PDO_MAPS
+from duoglide.drives.firmware_objects import DEFAULTS
+from duoglide.drives.linear_axis import eds_path, eds_sha256, object_dictionary
+
+FIRMWARE = Path(__file__).parents[2] / "firmware_interface"
+
+
+@pytest.fixture(scope="module")
+def generate() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("generate", FIRMWARE / "generate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["generate"] = module  # where its dataclass looks for its annotations
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_header_is_not_stale(generate: ModuleType) -> None:
+    entries = generate.read_eds(FIRMWARE / "linear_axis.eds")
+    assert (FIRMWARE / "linear_axis.h").read_text() == generate.make_header(entries)
+
+
+def test_the_dbc_is_not_stale(generate: ModuleType) -> None:
+    entries = generate.read_eds(FIRMWARE / "linear_axis.eds")
+    assert (FIRMWARE / "linear_axis.dbc").read_text() == generate.make_dbc(entries, [1, 2, 3])
+
+
+def test_the_header_compiles_without_a_warning(tmp_path: Path) -> None:
+    source = tmp_path / "use.c"
+    source.write_text('#include "linear_axis.h"\nint32_t low = LAX_HOME_OFFSET_DEFAULT;\n')
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only"]
+    subprocess.run([*command, "-I", FIRMWARE, source], check=True)
+
+
+def test_the_dbc_decodes_the_frames_of_the_cycle() -> None:
+    database = cantools.database.load_file(FIRMWARE / "linear_axis.dbc")
+    setpoint = database.decode_message(pdo.RPDO1 + 2, pdo.pack_setpoint(0xF, -123456))
+    assert setpoint == {"Controlword": 0xF, "TargetPosition": -123456}
+    feedback = database.decode_message(pdo.TPDO1 + 3, pdo.FEEDBACK.pack(0x1237, 5))
+    assert feedback == {"Statusword": 0x1237, "PositionActualValue": 5}
+    emergency = database.decode_message(pdo.EMCY + 1, pdo.pack_emergency(0x8611, 0x21))
+    assert emergency == {"ErrorCode": 0x8611, "ErrorRegister": 0x21}
+
+
+def test_the_axis_starts_with_the_defaults_of_the_eds() -> None:
+    dictionary = object_dictionary(1)
+    for (index, sub), value in DEFAULTS.items():
+        entry = dictionary[index]
+        variable = entry if hasattr(entry, "data_type") else entry[sub]
+        assert variable.default == value, f"0x{index:04X}:{sub}"
+
+
+def test_the_host_maps_the_pdos_as_the_eds_does_by_default() -> None:
+    dictionary = object_dictionary(5)
+    for wanted in PDO_MAPS:
+        assert dictionary[wanted.parameters][1].default == wanted.cob_id + 5
+        assert dictionary[wanted.parameters][2].default == wanted.kind
+        entries = [dictionary[wanted.mapping][i + 1].default for i in range(len(wanted.entries))]
+        assert entries == [i << 16 | sub << 8 | bits for i, sub, bits in wanted.entries]
+        assert dictionary[wanted.mapping][0].default == len(entries)
+
+
+def test_every_list_of_the_eds_names_the_objects_that_it_has() -> None:
+    text = eds_path().read_text(encoding="ascii")
+    listed = {
+        line.split("=0x")[1] for line in text.splitlines() if "=0x" in line and line[0].isdigit()
+    }
+    described = {line[1:5] for line in text.splitlines() if len(line) == 6 and line[0] == "["}
+    assert listed == described
+
+
+def test_the_device_is_a_402_drive_with_csp() -> None:
+    dictionary = object_dictionary(1)
+    assert dictionary[0x1000].default & 0xFFFF == 402
+    assert dictionary[0x6502].default & 1 << 7
+    assert len(eds_sha256()) == 64
