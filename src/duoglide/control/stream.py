@@ -257,11 +257,11 @@ class Streamer:
     def _move(self) -> None:
         if self._motion is not None:
             self._advance(self._motion)
-        if self._motion is None:
-            self._pace = (self._pace[0], 0.0, Phase.HOLD, MotionState.NONE)
-            self._stand()
-            if self._watch.seen.host_gone:
-                self._leave()
+            return
+        self._pace = (self._pace[0], 0.0, Phase.HOLD, MotionState.NONE)
+        self._stand()
+        if self._watch.seen.host_gone:
+            self._leave()
 
     def _advance(self, motion: Motion) -> None:
         """Take the motion's next setpoint; a gap is bridged, unless it is why we stop."""

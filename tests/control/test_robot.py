@@ -1,0 +1,213 @@
+"""The whole way, on the virtual bus: real processes, real time, generous bounds."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import duoglide as dg
+from duoglide.control.motion import MotionState
+from duoglide.control.orders import Command
+from duoglide.control.supervise import Condition
+from duoglide.drives.cia402 import State
+from duoglide.drives.faults import Clear, DeviceFault, Reboot, Sto
+from duoglide.storage import Document, Phase, Topic, read_log
+
+MACHINE = dg.Machine.default()
+HOME = (-41.0, 0.0, 302.0)
+
+
+@pytest.fixture(scope="module")
+def there() -> dg.Trajectory:
+    return dg.transfer(MACHINE, HOME, (-41.0, 60.0, 310.0))
+
+
+@pytest.fixture(scope="module")
+def back() -> dg.Trajectory:
+    return dg.transfer(MACHINE, (-41.0, 60.0, 310.0), HOME)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Iterator[dg.Robot]:
+    with dg.Robot.connect(MACHINE) as robot:
+        yield robot
+
+
+@pytest.fixture
+def ready(robot: dg.Robot) -> dg.Robot:
+    """Return the robot homed, under power and at home."""
+    if not robot.enabled:
+        robot.reset_fault()
+        robot.enable()
+    robot.home()
+    if np.abs(robot.position - HOME).max() > 0.05:
+        robot.move_to(HOME, override=1.0)
+    return robot
+
+
+def test_a_machine_that_is_not_homed_refuses_to_move(
+    robot: dg.Robot, there: dg.Trajectory
+) -> None:
+    with pytest.raises(dg.NotHomedError, match="home the machine"):
+        robot.run(there)
+    robot.enable()
+    assert robot.states == (State.OPERATION_ENABLED,) * 3
+    robot.home()
+    assert robot.homed
+    np.testing.assert_allclose(robot.position, HOME, atol=0.01)
+
+
+def test_a_run_follows_its_trajectory_and_logs_every_cycle(
+    ready: dg.Robot, there: dg.Trajectory, tmp_path: Path
+) -> None:
+    report = ready.run(there, log=tmp_path / "run.mcap")
+    assert report.completed and not report.faults
+    assert max(report.following_error) < 5.0
+    np.testing.assert_allclose(ready.position, (-41.0, 60.0, 310.0), atol=0.05)
+    log = read_log(tmp_path / "run.mcap")
+    assert {Document.MACHINE, Document.TRAJECTORY, Document.REPORT} <= set(log.documents)
+    records = [record for _, record in log.records(Topic.CYCLE)]
+    numbers = [record.cycle for record in records]
+    skipped = report.skipped
+    assert numbers[-1] - numbers[0] + 1 == len(numbers) + skipped
+    program = [r for r in records if r.phase is Phase.PROGRAM]
+    assert program[-1].path_time == there.duration
+    scale = 1000.0
+    for record in program:
+        expected = np.rint(there.at(record.path_time).carriages * scale)
+        assert np.abs(np.array(record.setpoint) - expected).max() <= 1e-9
+    assert dg.Trajectory.from_document(log.documents[Document.TRAJECTORY]).duration
+
+
+def test_a_run_from_elsewhere_is_refused_unless_an_approach_is_asked_for(
+    ready: dg.Robot, back: dg.Trajectory
+) -> None:
+    with pytest.raises(dg.PathError, match=r"carriage . is .* mm away.*approach"):
+        ready.run(back)
+    report = ready.run(back, approach=True)
+    assert report.completed
+    np.testing.assert_allclose(ready.position, HOME, atol=0.05)
+
+
+def test_hold_resume_override_and_stop_work_while_a_run_goes_on(
+    ready: dg.Robot, there: dg.Trajectory
+) -> None:
+    handle = ready.start(there, override=0.2)
+    handle.hold()
+    _until(lambda: handle.status.state is MotionState.HELD)
+    assert not handle.done
+    held = handle.status.path_time
+    handle.set_override(0.5)
+    handle.resume()
+    _until(lambda: handle.status.path_time > held)
+    handle.stop()
+    report = handle.wait(10.0)
+    assert not report.completed and not report.faults
+    assert held < report.path_time < there.duration
+    assert ready.enabled
+
+
+def test_a_fault_of_one_drive_stops_all_is_named_and_needs_a_reset(
+    ready: dg.Robot, there: dg.Trajectory, tmp_path: Path
+) -> None:
+    assert ready.simulated is not None
+    handle = ready.start(there, log=tmp_path / "run.mcap", override=0.2)
+    ready.simulated.inject(DeviceFault(2))
+    report = handle.wait(10.0)
+    assert (Condition.FAULT, 2) in [(t.condition, t.axis) for t in report.faults]
+    text = " ".join(event.text for _, event in report.events)
+    assert "axis 2: emergency 0x2310" in text and "over-current" in text
+    assert read_log(tmp_path / "run.mcap").documents[Document.REPORT]["faults"]
+    with pytest.raises(dg.DriveError, match="power"):
+        ready.run(there, approach=True)
+    with pytest.raises(dg.DriveFault, match="axis 2"):
+        ready.enable()
+    ready.reset_fault()
+    ready.enable()
+    assert ready.homed
+    assert ready.run(there, approach=True).completed
+
+
+def test_run_raises_what_made_it_stop(ready: dg.Robot, there: dg.Trajectory) -> None:
+    simulated = ready.simulated
+    assert simulated is not None
+    timer = threading.Timer(0.1, lambda: simulated.inject(DeviceFault(1, 0x4210)))
+    timer.start()
+    with pytest.raises(dg.DriveFault, match="axis 1") as caught:
+        ready.run(there, override=0.1)
+    timer.join()
+    assert caught.value.axis == 1
+
+
+def test_safe_torque_off_is_a_state_of_its_own(ready: dg.Robot) -> None:
+    assert ready.simulated is not None
+    ready.simulated.inject(Sto(3))
+    _until(lambda: not ready.enabled)
+    with pytest.raises(dg.DriveError, match="safe torque off"):
+        ready.enable()
+    ready.simulated.inject(Clear(3))
+
+
+def test_a_drive_that_reboots_has_lost_its_reference(
+    ready: dg.Robot, there: dg.Trajectory
+) -> None:
+    assert ready.simulated is not None
+    ready.simulated.inject(Reboot(1))
+    _until(lambda: not ready.homed)
+    time.sleep(0.3)
+    ready.reset_fault()
+    ready.enable()
+    with pytest.raises(dg.NotHomedError):
+        ready.run(there)
+
+
+def test_a_trajectory_of_another_machine_is_refused(robot: dg.Robot) -> None:
+    other = dg.Machine(limits=dg.CarriageLimits(velocity=8000.0, acceleration=120e3, jerk=9e6))
+    fast = dg.transfer(other, HOME, (-41.0, 80.0, 302.0))
+    robot.reset_fault()
+    robot.enable()
+    robot.home(again=True)
+    with pytest.raises(dg.LimitError, match=r"carriage \d would need"):
+        robot.run(fast)
+
+
+@pytest.mark.parametrize("override", [-0.1, 1.5, float("nan")])
+def test_an_override_beyond_its_range_is_refused(
+    robot: dg.Robot, there: dg.Trajectory, override: float
+) -> None:
+    with pytest.raises(dg.InputError, match="override"):
+        robot.run(there, override=override)
+
+
+def test_an_unknown_bus_is_refused_with_the_forms_that_exist() -> None:
+    with pytest.raises(dg.BusError, match="socketcand:HOST:PORT"):
+        dg.Robot.connect(MACHINE, bus="serial:/dev/ttyS0")
+
+
+def test_the_host_says_so_when_the_streamer_is_gone(there: dg.Trajectory) -> None:
+    with dg.Robot.connect(MACHINE) as robot:
+        robot.enable()
+        robot.home()
+        handle = robot.start(there, override=0.1)
+        process = robot._connection.process
+        process._process.kill()
+        with pytest.raises(dg.BusError, match="gone"):
+            handle.wait(10.0)
+        assert robot.simulated is not None
+        _until(lambda: all(d.state is not State.OPERATION_ENABLED for d in robot.simulated.snapshot()))
+        assert max(abs(d.velocity) for d in robot.simulated.snapshot()) < 1.0
+        with pytest.raises(dg.BusError):
+            process.order(Command.HOLD)
+            process.order(Command.HOLD)
+
+
+def _until(condition: object, patience: float = 10.0) -> None:
+    deadline = time.monotonic() + patience
+    while not condition():  # type: ignore[operator]
+        assert time.monotonic() < deadline, "did not happen in time"
+        time.sleep(0.01)
