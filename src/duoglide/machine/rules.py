@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -85,8 +85,8 @@ def build(kind: type[T], table: object, prefix: str) -> T:
         prefix: Where the table stands in the file, to put before the field's name.
 
     Raises:
-        ConfigError: Not a table, a key that is not a field (names the nearest one), or a broken
-            rule.
+        ConfigError: Not a table, a key that is not a field (names the nearest one), a key that is
+            missing, or a broken rule.
     """
     if not isinstance(table, Mapping):
         raise ConfigError(f"{prefix} = {table!r}: must be a table")
@@ -97,6 +97,13 @@ def build(kind: type[T], table: object, prefix: str) -> T:
             near = difflib.get_close_matches(key, names, 1)
             hint = f"; did you mean {dot}{near[0]}?" if near else f"; known: {', '.join(names)}"
             raise ConfigError(f"{dot}{key}: no such key{hint}")
+    for field in fields(kind):  # type: ignore[arg-type]  # a dataclass
+        if (
+            field.default is MISSING
+            and field.default_factory is MISSING
+            and field.name not in table
+        ):
+            raise ConfigError(f"{dot}{field.name}: missing; it has no default")
     arguments: dict[str, Any] = dict(table)
     try:
         return kind(**arguments)
