@@ -95,7 +95,8 @@ def brake_report(trajectory: Trajectory) -> BrakeReport:
     """Look at every instant of every brake out of every instant of ``trajectory``.
 
     Cells of (instant of the plan, share of the brake) are halved until the room in the middle
-    exceeds 1.5 times the way from there to the farthest corner, or the cell is below 0.05 mm.
+    exceeds 1.5 times the way from there to the farthest corner, or the cell is below 0.05 mm. In a
+    plan that is not safe, only cells that may be worse than the worst so far are looked into.
     """
     worst: BrakeReport | None = None
     cycle = trajectory.machine.drives.cycle
@@ -151,9 +152,11 @@ def _look(trajectory: Trajectory, edges: FloatArray, coast: float) -> BrakeRepor
             )
         if worst.room == -np.inf:
             break  # the links come apart: nothing can be worse
-        clear = np.minimum(here.clearance, here.keep_out) > _BEND * moved
-        clear &= np.minimum(here.travel, 0.5 * here.order) > _BEND * slid
-        open_ = ~clear & (np.maximum(moved, slid) > _FINE)
+        lowest = np.minimum(
+            np.minimum(here.clearance, here.keep_out) - _BEND * moved,
+            np.minimum(here.travel - _BEND * slid, here.order - 2.0 * _BEND * slid),
+        )
+        open_ = (lowest < min(worst.room, 0.0)) & (np.maximum(moved, slid) > _FINE)
         half = 0.5 * half
         t = np.concatenate([t[open_] + sx * half[0] for sx, _ in corners])
         f = np.concatenate([f[open_] + sy * half[1] for _, sy in corners])

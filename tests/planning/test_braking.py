@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import duoglide as dg
+from duoglide.planning.braking import Brakes, brake_report
+from duoglide.planning.braking_caps import brake_caps, make_brake_safe
+
+MACHINE = dg.Machine.default()
+A, B = (-80.0, -100.0, 300.0), (40.0, 100.0, 290.0)
+STEP = 1e-4
+FAST = dg.transfer(MACHINE, A, B, brake_safe=False)
+
+
+def simulate(machine: dg.Machine, q: np.ndarray, v: np.ndarray, coast: float) -> np.ndarray:
+    """Brake three carriages in small steps; return where they are, (steps, 3)."""
+    deceleration = np.array(machine.drives.quick_stop_deceleration)
+    q, v, rows = q.copy(), v.copy(), [q.copy()]
+    clock = 0.0
+    while np.any(v != 0.0):
+        braking = clock >= coast - 1e-12
+        slower = np.sign(v) * np.maximum(np.abs(v) - deceleration * STEP, 0.0) if braking else v
+        q = q + 0.5 * (v + slower) * STEP
+        v = slower
+        clock += STEP
+        rows.append(q.copy())
+    return np.array(rows)
+
+
+def least_clearance(trajectory: dg.Trajectory, starts: int) -> float:
+    """Find it the long way: through the public kinematics, -inf where the links come apart."""
+    machine = trajectory.machine
+    states = [trajectory.at(float(t)) for t in np.linspace(0.0, trajectory.duration, starts)]
+    rows = np.concatenate(
+        [
+            simulate(machine, state.carriages, state.velocity, coast)
+            for state in states
+            for coast in (0.0, machine.drives.cycle)
+        ]
+    )
+    try:
+        positions = dg.forward(machine.geometry, rows)
+    except (dg.UnreachableError, dg.SingularityError):
+        return -np.inf
+    assert np.abs(rows).max() < machine.geometry.rail_half_length
+    assert np.diff(rows[:, :2]).min() > machine.carriage_width
+    return float(dg.clearance(machine.geometry, positions).min())
+
+
+def test_brakes_follow_the_drives_ramp() -> None:
+    q, v = np.array([-200.0, 150.0, 30.0]), np.array([1715.0, -2733.0, 0.0])
+    for coast in (0.0, 0.002):
+        rows = simulate(MACHINE, q, v, coast)
+        brakes = Brakes(MACHINE, q[None], v[None], coast)
+        assert brakes.lasting[0] == pytest.approx(coast + 2733.0 / 60e3)
+        np.testing.assert_allclose(brakes.at(np.ones(1))[0], rows[-1], atol=1e-2)
+        half = rows[round(0.5 * brakes.lasting[0] / STEP)]
+        np.testing.assert_allclose(brakes.at(np.full(1, 0.5))[0], half, atol=0.3)
+
+
+def test_the_motion_that_ends_past_legs_flat_is_caught() -> None:
+    report = brake_report(FAST)
+    assert not report.safe
+    assert report.room == -np.inf
+    assert 0.0 < report.time < FAST.duration
+    assert least_clearance(FAST, 120) == -np.inf
+
+
+def test_slowed_down_it_keeps_its_clearance_whenever_the_drives_brake() -> None:
+    safe = make_brake_safe(FAST)
+    assert safe.report.brake_safe
+    assert safe.report.duration_before_braking == FAST.duration
+    assert FAST.duration < safe.duration < 1.35 * FAST.duration
+    found = least_clearance(safe, 120)
+    assert found >= MACHINE.clearance
+    assert safe.report.braking_clearance == pytest.approx(found, abs=0.3)
+    assert safe.audit().worst <= 1.0005
+    assert safe.stops.duration == safe.duration
+
+
+def test_a_motion_along_the_rails_costs_nothing() -> None:
+    along = dg.transfer(MACHINE, (-41, -150, 300), (-41, 150, 300), brake_safe=False)
+    safe = make_brake_safe(along)
+    assert safe.duration == along.duration
+    assert safe.report.duration_before_braking == 0.0
+    np.testing.assert_allclose(
+        safe.report.braking_clearance,
+        dg.clearance(MACHINE.geometry, (-41.0, 0.0, 300.0)),
+        atol=1e-3,
+    )
+
+
+def test_drives_that_brake_gently_run_off_the_rail_and_are_slowed() -> None:
+    weak = replace(MACHINE.drives, quick_stop_deceleration=(2e4, 2e4, 2e4))
+    machine = replace(MACHINE, drives=weak)
+    draft = dg.transfer(machine, (-41, 0, 300), (-41, 150, 300), brake_safe=False)
+    report = brake_report(draft)
+    assert (report.safe, report.quantity) == (False, "travel")
+    assert brake_report(make_brake_safe(draft)).safe
+
+
+def test_the_cost_is_in_the_caps_where_the_brake_would_go_wrong() -> None:
+    motion = FAST.profile.at(np.linspace(0.0, FAST.duration, 200)[1:-1])
+    caps = brake_caps(FAST.path, motion[:, 0], motion[:, 1])
+    assert 0.8 < (caps / motion[:, 1]).min() < 1.0
+    assert np.mean(caps < motion[:, 1]) < 0.5
+    unsafe = int(np.argmin(caps / motion[:, 1]))
+    sigma = motion[unsafe : unsafe + 1, 0]
+    states = FAST.path.derivatives(sigma)[0]
+    for share, kept in ((0.999, True), (1.02, False)):
+        rows = simulate(MACHINE, states[0], states[1] * caps[unsafe] * share, 0.002)
+        try:
+            positions = dg.forward(MACHINE.geometry, rows)
+            clear = dg.clearance(MACHINE.geometry, positions).min() >= MACHINE.clearance
+        except (dg.UnreachableError, dg.SingularityError):
+            clear = False
+        assert clear == kept
+
+
+def test_a_retiming_under_caps_is_used_where_there_is_one() -> None:
+    asked = []
+
+    def retime(sigma: np.ndarray, cap: np.ndarray) -> dg.Trajectory:
+        asked.append((sigma, cap))
+        return replace(FAST, profile=FAST.profile.stretched(1.3))
+
+    safe = make_brake_safe(FAST, retime)
+    assert len(asked) == 1
+    sigma, cap = asked[0]
+    assert np.all(np.diff(sigma) > 0.0)
+    assert np.isfinite(cap).all()
+    assert safe.duration == pytest.approx(1.3 * FAST.duration)
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(st.integers(0, 2**32 - 1))
+def test_brake_safe_motions_are_safe_for_any_drives(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    deceleration = tuple(rng.uniform(2e4, 1.2e5, 3).tolist())
+    machine = replace(MACHINE, drives=replace(MACHINE.drives, quick_stop_deceleration=deceleration))
+    box = np.array([[-90.0, -120.0, 275.0], [90.0, 120.0, 315.0]])
+    safe = dg.transfer(machine, rng.uniform(*box), rng.uniform(*box))
+    assert least_clearance(safe, 40) >= machine.clearance - 2e-3
