@@ -22,6 +22,8 @@ from duoglide.errors import InputError
 
 DERIVATIVES = 4  # position and three derivatives
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
+_PANELS = 64  # at most, where |p'| nearly vanishes
+_LENGTH_ERROR = 1e-9  # [mm] of arc length, per piece
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,18 +185,30 @@ class Curve:
 
     def _quadrature(self, local: FloatArray, index: Any) -> FloatArray:
         """Integrate |p'| over the first ``local`` mm of sigma of polynomial pieces."""
-        half = 0.5 * local[..., None]
-        slope = self._polynomials(half * (1.0 + _NODES), np.asarray(index)[..., None])[..., 1, :]
-        lengths: FloatArray = (np.linalg.norm(slope, axis=-1) @ _WEIGHTS) * half[..., 0]
-        return lengths
+        span, rows = self.spans[index], self.coefficients[index]
+        total = _integral(rows, span, np.zeros_like(local), local)
+        going, panels = np.arange(local.size), 1
+        while going.size and panels < _PANELS:
+            panels *= 2
+            edges = np.linspace(0.0, 1.0, panels + 1) * local[going, None]
+            parts = [
+                _integral(rows[going], span[going], edges[:, i], edges[:, i + 1])
+                for i in range(panels)
+            ]
+            finer = np.sum(parts, axis=0)
+            change = np.abs(finer - total[going])
+            total[going] = finer
+            going = going[change > _LENGTH_ERROR]
+        return total
 
     def arc_length(self, sigma: float | FloatArray) -> FloatArray:
         """Return the distance along the curve from its start to ``sigma`` [mm], same shape."""
         values = np.clip(np.asarray(sigma, dtype=np.float64), 0.0, self.end)
         index = self.piece_at(values)
-        local = values - self.breaks[index]
-        if not self._is_unit[index].all():
-            local = np.where(self._is_unit[index], local, self._quadrature(local, index))
+        local = np.array(values - self.breaks[index])
+        bent = ~self._is_unit[index]
+        if bent.any():
+            local[bent] = self._quadrature(local[bent], index[bent])
         total: FloatArray = self._lengths[index] + local
         return total
 
@@ -252,3 +266,14 @@ def _arc_at(rows: list[list[float]], local: float, rate: float) -> FloatArray:
         result[2].append(-radial * rate * rate)
         result[3].append(-along * rate * rate)
     return np.array(result)
+
+
+def _integral(rows: FloatArray, span: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Integrate |p'| of polynomials from s = ``low`` to ``high`` by Gauss-Legendre, shape (n,)."""
+    half = 0.5 * (high - low)
+    u = ((low + half)[:, None] + half[:, None] * _NODES) / span[:, None]
+    slope = np.zeros((*u.shape, 3))
+    for k in range(rows.shape[1] - 1, 0, -1):
+        slope = slope * u[..., None] + k * rows[:, k, None, :]
+    lengths: FloatArray = (np.linalg.norm(slope, axis=-1) @ _WEIGHTS) * half / span
+    return lengths
