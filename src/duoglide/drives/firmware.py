@@ -7,19 +7,16 @@ statusword and emergency codes. Behaviour in words: firmware_interface/README.md
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from duoglide.drives.cia402 import Command, Mode, State, Status, command_of
-from duoglide.drives.demand import FRACTION, SECOND, Demand, Phase
+from duoglide.drives.cia402 import Command, Mode, State, command_of
+from duoglide.drives.demand import FRACTION, SECOND, Phase
 from duoglide.drives.firmware_objects import (
     ALLOWED,
-    DEFAULTS,
     NO_OBJECT,
     OUT_OF_RANGE,
     WRONG_STATE,
     RefusalError,
-    error_register,
 )
+from duoglide.drives.firmware_status import AxisStatus
 from duoglide.drives.pdo import INTERLOCK
 from duoglide.drives.watchdogs import HEARTBEAT_LOST, FollowingWatch, HostWatch
 
@@ -27,11 +24,6 @@ STO_ACTIVE = 0x5441
 COMMUNICATION = 0x8100
 FOLLOWING = 0x8611
 HOMING_FAILED = 0x8613
-
-# As plain numbers: combining flags of an enum takes longer than all the rest of a tick.
-_REMOTE, _VOLTAGE = int(Status.REMOTE), int(Status.VOLTAGE_ENABLED)
-_LIMITED, _REACHED = int(Status.INTERNAL_LIMIT_ACTIVE), int(Status.TARGET_REACHED)
-_BIT_12, _BIT_13 = int(Status.FOLLOWS_COMMAND), int(Status.FOLLOWING_ERROR)
 
 _IDLE_TRANSITIONS = {
     (State.SWITCH_ON_DISABLED, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
@@ -44,101 +36,15 @@ _IDLE_TRANSITIONS = {
     (State.SWITCHED_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
     (State.SWITCHED_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,
 }
-_LARGEST = (1 << 31) - 1
-_POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 
 
-class FirmwareAxis:
+class FirmwareAxis(AxisStatus):
     """One axis. Call ``sync``, then ``setpoint`` if one has come, then ``tick`` as time passes."""
 
     def __init__(self) -> None:
-        self.objects = dict(DEFAULTS)
-        self.state = State.NOT_READY_TO_SWITCH_ON
-        self.demand = Demand()
-        self.actual = 0  # 0x6064 [increments]
-        self.velocity = 0  # 0x606C [increments/s]
-        self.origin = 0  # encoder reading at position 0 [increments]
-        self.homed = False
-        self.error_code = 0  # 0x603F
-        self.inputs = 0  # 0x60FD without the interlock
-        self.sto = False
-        self._emergencies: list[int] = []
-        self._after_stop: State | None = None
-        self._halted = False
-        self._limited = False
-        self._following_error = False
-        self._homing_done = self._homing_error = False
-        self._operational = False
+        super().__init__()
         self._host = HostWatch()
         self._window = FollowingWatch()
-
-    # -- what the axis says -------------------------------------------------------------------
-
-    @property
-    def powered(self) -> bool:
-        """Whether the servo holds the carriage."""
-        return self.state in _POWERED
-
-    @property
-    def brake_released(self) -> bool:
-        """Whether the holding brake is open: under power, unless 0x60FE:1 bit 0 sets it."""
-        held = self.objects[0x60FE, 1] & self.objects[0x60FE, 2] & 1
-        return self.powered and not held
-
-    @property
-    def outputs(self) -> int:
-        """The digital outputs as they are, 0x60FE:1 under its mask."""
-        return self.objects[0x60FE, 1] & self.objects[0x60FE, 2]
-
-    @property
-    def servo_demand(self) -> int:
-        """What the servo shall reach, as an encoder reading in 1/256 increment."""
-        return self.demand.position + self.origin * FRACTION
-
-    @property
-    def servo_velocity(self) -> int:
-        """How fast the demand moves [1/256 increment/s]."""
-        return self.demand.velocity
-
-    @property
-    def mode(self) -> int:
-        """Mode of operation, 0x6061."""
-        return self.objects[0x6060, 0]
-
-    @property
-    def statusword(self) -> int:
-        """The statusword, 0x6041."""
-        word = self.state.pattern | _REMOTE
-        if not self.sto:
-            word |= _VOLTAGE
-        if self._limited:
-            word |= _LIMITED
-        if self.mode == Mode.HOMING:
-            word |= _REACHED if self.demand.phase is Phase.HOLD else 0
-            word |= _BIT_12 if self._homing_done else 0
-            word |= _BIT_13 if self._homing_error else 0
-        else:
-            word |= _BIT_12 if self._follows() else 0
-            word |= _BIT_13 if self._following_error else 0
-        return word
-
-    def _follows(self) -> bool:
-        ready = self.state is State.OPERATION_ENABLED and self._after_stop is None
-        return ready and not self._halted and self.mode == Mode.CYCLIC_SYNCHRONOUS_POSITION
-
-    @property
-    def error_register(self) -> int:
-        """The error register, 0x1001 (CiA 301)."""
-        return error_register(self.error_code)
-
-    def read(self, index: int, sub: int) -> int:
-        """Return the value of an object; RefusalError if the axis has no such object."""
-        value = self.objects.get((index, sub))
-        if value is not None:
-            return value
-        if sub or index not in _LIVE:
-            raise RefusalError(NO_OBJECT)
-        return min(max(_LIVE[index](self), -_LARGEST - 1), _LARGEST)
 
     # -- what comes from the bus --------------------------------------------------------------
 
@@ -292,11 +198,6 @@ class FirmwareAxis:
         self._limited = goal != target
         self.demand.aim(goal, period)
 
-    @property
-    def period(self) -> int:
-        """Interpolation time, 0x60C2 [us]."""
-        return int(self.objects[0x60C2, 1] * 10 ** (self.objects[0x60C2, 2] + 6))
-
     def _change_mode(self, mode: int) -> None:
         if self.powered and self.demand.velocity:
             raise RefusalError(WRONG_STATE)
@@ -382,15 +283,3 @@ class FirmwareAxis:
         self._stand(self.actual)
         self.homed = self._homing_done = True
         self._homing_error = False
-
-
-_LIVE: dict[int, Callable[[FirmwareAxis], int]] = {
-    0x2010: lambda axis: int(axis.homed),
-    0x603F: lambda axis: axis.error_code,
-    0x6041: lambda axis: axis.statusword,
-    0x6061: lambda axis: axis.mode,
-    0x6064: lambda axis: axis.actual,
-    0x606C: lambda axis: axis.velocity,
-    0x60F4: lambda axis: axis.demand.position // FRACTION - axis.actual if axis.powered else 0,
-    0x60FD: lambda axis: axis.inputs | (INTERLOCK if axis.sto else 0),
-}
