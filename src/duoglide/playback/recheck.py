@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
-from duoglide.machine import CarriageLimits, Machine
+from duoglide.machine import Machine
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
 from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
@@ -18,44 +19,62 @@ from duoglide.planning.check_rules import Rules
 from duoglide.planning.check_search import search
 from duoglide.planning.stopping import stop_bounds
 
-AUDITED = 1.001  # use of a limit, as audits allow it
-REPACED = 1.05  # the same where the pace is known at the cycles only
+_ALLOWED = 1.001  # use of a limit, as audits allow it
 _NAMES = ("velocity", "acceleration", "jerk")
 
 
-def recheck(
-    machine: Machine,
-    trajectory: Trajectory,
-    limits: CarriageLimits,
-    *,
-    override: float = 1.0,
-    allowed: float = AUDITED,
-) -> Trajectory:
-    """Check a trajectory again, and make it one of this machine.
+def recheck(machine: Machine, trajectory: Trajectory, override: float = 1.0) -> Trajectory:
+    """Check a planned trajectory again, and make it one of this machine.
 
     Args:
         machine: Who shall follow it.
         trajectory: What.
-        limits: What it may ask of the carriages.
         override: At which share of its speed, 0 to 1.
-        allowed: Use of a limit from which on it counts as broken.
 
     Returns:
         The same motion, bound to ``machine``.
 
     Raises:
         PathError: The machine cannot follow the path; says where, what and by how much.
-        LimitError: It asks more of a carriage than ``limits``; names which, how much, and the
-            override that would do.
+        LimitError: It asks more of a carriage than ``machine.limits``; names which, how much, and
+            the override that would do.
     """
+    bound = _bind(machine, trajectory)
+    audit = bound.audit()
+    uses = np.array([audit.velocity, audit.acceleration, audit.jerk])
+    _require_limits(uses * override ** np.arange(1.0, 4.0)[:, None], override)
+    return bound
+
+
+def recheck_repaced(machine: Machine, trajectory: Trajectory) -> Trajectory:
+    """Do what ``recheck`` does for the motion of a run whose pace was changed on the way.
+
+    A change of pace may use ``machine.stop_limits``. It is known at the cycles only, and measured
+    there: by differences of the positions that are sent.
+
+    Raises:
+        PathError: The machine cannot follow the path.
+        LimitError: It asks more of a carriage than ``machine.stop_limits``.
+    """
+    bound = _bind(machine, trajectory)
+    cycle, limits = machine.drives.cycle, machine.stop_limits
+    times = np.arange(-3, np.ceil(trajectory.duration / cycle) + 4) * cycle
+    steps = bound.at(times).carriages
+    uses = []
+    for limit in (limits.velocity, limits.acceleration, limits.jerk):
+        steps = np.diff(steps, axis=0) / cycle
+        uses.append(np.abs(steps).max(axis=0) / limit)
+    _require_limits(np.array(uses), 1.0)
+    return bound
+
+
+def _bind(machine: Machine, trajectory: Trajectory) -> Trajectory:
+    """Certify the path of a trajectory for a machine, and return the trajectory on it."""
     path = _checked(machine, trajectory.path)
     if machine.to_dict() == trajectory.machine.to_dict():
-        bound = trajectory
-    else:
-        moved = replace(trajectory, path=path)
-        bound = replace(moved, stops=stop_bounds(moved))
-    _require_limits(bound, limits, override, allowed)
-    return bound
+        return trajectory
+    moved = replace(trajectory, path=path)
+    return replace(moved, stops=stop_bounds(moved))
 
 
 def _checked(machine: Machine, path: CarriagePath | TransferPath) -> CarriagePath | TransferPath:
@@ -73,23 +92,14 @@ def _checked(machine: Machine, path: CarriagePath | TransferPath) -> CarriagePat
     return map_to_carriages(replace(path.checked, machine=machine, report=report))
 
 
-def _require_limits(
-    trajectory: Trajectory, limits: CarriageLimits, override: float, allowed: float
-) -> None:
-    audit, own = trajectory.audit(), trajectory.machine.limits
-    fit = 1.0
-    worst = ""
-    for order, name in enumerate(_NAMES, 1):
-        use = getattr(audit, name) * getattr(own, name) / getattr(limits, name)
-        carriage = int(np.argmax(use))
-        share = float(use[carriage]) * override**order
-        if share > allowed:
-            slower = override * share ** (-1.0 / order)
-            if slower < fit:
-                fit = slower
-                worst = f"{100.0 * share:.1f} % of the {name} limit of carriage {carriage + 1}"
-    if worst:
-        percent = np.floor(1000.0 * fit) / 10.0
+def _require_limits(uses: FloatArray, override: float) -> None:
+    """Refuse uses of velocity, acceleration and jerk limits above 1, shape (3, 3)."""
+    slower = override * np.maximum(uses, 1e-12) ** (-1.0 / np.arange(1.0, 4.0)[:, None])
+    order, carriage = np.unravel_index(int(np.argmin(slower)), slower.shape)
+    use = float(uses[order, carriage])
+    if use > _ALLOWED:
+        percent = np.floor(1000.0 * slower[order, carriage]) / 10.0
         raise LimitError(
-            f"the motion asks for {worst} of this machine; --override {percent:g} would do"
+            f"the motion asks for {100.0 * use:.1f} % of the {_NAMES[order]} limit of carriage"
+            f" {carriage + 1} of this machine; --override {percent:g} would do"
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from duoglide.errors import LogError
 from duoglide.playback.rebuild import rebuild
-from duoglide.playback.recheck import REPACED, recheck
+from duoglide.playback.recheck import recheck, recheck_repaced
 from duoglide.storage import Document, read_log
 
 if TYPE_CHECKING:
@@ -50,10 +50,9 @@ def replay(
     recorded = rebuild(recording)
     described = machine if machine is not None else recorded.plan.machine
     if override is None and not recorded.at_full_speed:
-        stop = described.stop_limits  # which a change of pace may use
-        trajectory = recheck(described, recorded.motion, stop, allowed=REPACED)
+        trajectory = recheck_repaced(described, recorded.motion)
     else:
-        trajectory = recheck(described, recorded.plan, described.limits, override=override or 1.0)
+        trajectory = recheck(described, recorded.plan, 1.0 if override is None else override)
     from duoglide.control.robot import Robot
 
     with Robot.connect(described, bus=bus) as robot:
