@@ -45,6 +45,20 @@ class Piece:
     Z: FloatArray
     spacing: float
 
+    def squares(self, X: FloatArray, Z: FloatArray, step: int) -> FloatArray:
+        """Return the squared distances of poses to every ``step``-th sample, shape (n, samples)."""
+        dx = X[:, None] - self.X[None, ::step]
+        dz = Z[:, None] - self.Z[None, ::step]
+        squares: FloatArray = dx * dx + dz * dz
+        return squares
+
+    def box_squares(self, X: FloatArray, Z: FloatArray) -> FloatArray:
+        """Return less than the squared distances of poses to the piece, shape (n,)."""
+        dx = np.abs(X - np.clip(X, self.X.min() - self.spacing, self.X.max() + self.spacing))
+        dz = np.abs(Z - np.clip(Z, self.Z.min() - self.spacing, self.Z.max() + self.spacing))
+        squares: FloatArray = dx * dx + dz * dz
+        return squares
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case2Curve:
@@ -138,16 +152,12 @@ def _candidates(
     piece: Piece, X: FloatArray, Z: FloatArray, best: FloatArray
 ) -> tuple[IndexArray, IndexArray]:
     """List the poses and samples about which the curve may come nearer than ``best``."""
-
-    def squares(rows: IndexArray, step: int) -> FloatArray:
-        dx = X[rows, None] - piece.X[None, ::step]
-        dz = Z[rows, None] - piece.Z[None, ::step]
-        result: FloatArray = dx * dx + dz * dz
-        return result
-
-    rows = np.arange(X.size)
+    rows = np.flatnonzero(piece.box_squares(X, Z) <= best**2)
+    table = np.empty((0, 0))
     for step in (COARSE, 1):
-        table = squares(rows, step)
+        if rows.size == 0:
+            return rows, rows
+        table = piece.squares(X[rows], Z[rows], step)
         near = table.min(axis=1) <= (best[rows] + step * piece.spacing) ** 2
         rows, table = rows[near], table[near]
     padded = np.pad(table, ((0, 0), (1, 1)), constant_values=inf)
