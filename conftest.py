@@ -1,0 +1,16 @@
+"""Doctests, the README's among them, run in an empty directory of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def _doctests_leave_nothing_behind(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    if isinstance(request.node, pytest.DoctestItem):
+        folder: Path = tmp_path_factory.mktemp("doctest")
+        request.getfixturevalue("monkeypatch").chdir(folder)
