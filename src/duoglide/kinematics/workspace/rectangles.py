@@ -11,7 +11,9 @@ from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import InputError
 from duoglide.kinematics.workspace.grid import Grid
 
-ROWS = 25  # places along each side at which a refined rectangle is looked at
+ROWS = 25  # places along the left and right side at which a refined rectangle is looked at
+PLACES = 161  # from the middle to either end of bottom and top
+INWARD = 2e-3  # [mm], for what lies between these places
 SEARCH = 8.0  # cells by which a side may move
 BISECTIONS = 20
 
@@ -84,8 +86,8 @@ def refined(
 
     def sides(bottom: float, top: float) -> FloatArray:
         z = np.linspace(bottom, top, ROWS)[:, None] * np.ones(2)
-        x, y = np.meshgrid(np.linspace(middle, far[0], ROWS), [bottom, top])
-        x2, _ = np.meshgrid(np.linspace(middle, far[1], ROWS), [bottom, top])
+        x, y = np.meshgrid(np.linspace(middle, far[0], PLACES), [bottom, top])
+        x2, _ = np.meshgrid(np.linspace(middle, far[1], PLACES), [bottom, top])
         inner, outer = np.full(z.shape, middle), np.broadcast_to(far, z.shape)
         for _ in range(BISECTIONS):
             centre = 0.5 * (inner + outer)
@@ -109,9 +111,11 @@ def refined(
         loss, start, method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-2, "maxiter": 50},
     )  # fmt: skip
-    bottom, top = found.x
-    left, right = sides(bottom, top)
-    return Rectangle((float(left), float(bottom)), (float(right), float(top)))
+    left, right = sides(*found.x)
+    return Rectangle(
+        (float(left) + INWARD, float(found.x[0]) + INWARD),
+        (float(right) - INWARD, float(found.x[1]) - INWARD),
+    )
 
 
 def _under_histogram(heights: list[int]) -> tuple[int, int, int, int]:
