@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -99,6 +100,20 @@ def test_no_surface_is_nearer_than_clearance_along_any_ray(
         for family in ("legs_flat", "arm_strut"):
             side = np.sign(getattr(here, family))[:, None]
             assert (side * getattr(there, family) >= -1e-9).all()
+
+
+def test_clearance_does_not_jump_where_the_rails_come_as_near_as_the_platform_is_wide(
+    poses: Any,
+) -> None:
+    """For b = d the pole of case 2 becomes a line; just beside it, the curve must follow that."""
+    for spread, tolerance in ((1e-3, 0.5), (-1e-6, 1e-2), (1e-10, 1e-6)):
+        exact = dg.Geometry(rail_half_spacing=60.0, platform_half_width=60.0, arm_drop=25.0)
+        beside = replace(exact, rail_half_spacing=60.0 + spread)
+        for mode in BRANCHES:
+            position = poses(exact, mode, 200)
+            position = position[dg.reachable(beside, position, mode)]
+            jump = dg.clearance(beside, position, mode) - dg.clearance(exact, position, mode)
+            assert np.abs(jump).max() < tolerance
 
 
 def test_clearance_changes_no_faster_than_the_pose(

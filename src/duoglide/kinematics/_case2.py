@@ -204,7 +204,7 @@ def _ends(g: Geometry, v: int, side: int) -> tuple[float, ...]:
         high = min(high, sqrt(second**2 - 1.0))
     if low >= high:
         return ()
-    return side * atan2(1.0, low), side * max(atan2(1.0, high), NEAR_POLE)
+    return side * atan2(1.0, low), side * (NEAR_POLE if high == inf else atan2(1.0, high))
 
 
 def _sample(curve: Case2Curve, ends: tuple[float, float], step: float) -> Piece:
