@@ -19,7 +19,7 @@ METRES = 1e-3  # the page is in metres, so that the browser's camera has sensibl
 Colour = tuple[int, int, int]
 
 RAIL: Colour = (150, 155, 160)
-CARRIAGES: tuple[Colour, Colour, Colour] = ((0, 114, 178), (0, 158, 115), (213, 94, 0))
+CARRIAGES: tuple[Colour, Colour, Colour] = ((0, 114, 178), (213, 94, 0), (0, 158, 115))
 LINK_COLOURS: dict[str, Colour] = {
     "leg 1": CARRIAGES[0],
     "leg 2": CARRIAGES[1],

@@ -1,0 +1,195 @@
+"""The operator's part of the page: connect, home, run, hold, override, jog, and always Stop."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from duoglide.control.handle import RunHandle
+from duoglide.control.robot import Robot
+from duoglide.errors import DuoglideError
+from duoglide.viewer.motion_panel import MotionPanel
+from duoglide.viewer.pose_panel import PosePanel
+
+if TYPE_CHECKING:
+    from duoglide.machine import Machine
+
+_REFRESH = 0.1  # [s] between two looks at the machine
+_JOGS = {"-x": (0, -1.0), "+x": (0, 1.0), "-y": (1, -1.0), "+y": (1, 1.0), "-z": (2, -1.0)}
+_JOGS["+z"] = (2, 1.0)
+
+
+class MachinePanel:
+    """A connected machine and its operator.
+
+    Every button answers on a thread of its own; one command at a time moves the machine, and Stop
+    waits for none of them. The cycle runs in another process, which nothing here can slow down.
+
+    Args:
+        server: The viser server.
+        machine: The machine.
+        bus: Name of the bus to offer.
+        motion: Where the trajectory to run comes from.
+        pose: What shows where the machine is.
+    """
+
+    def __init__(
+        self, server: Any, machine: Machine, bus: str, motion: MotionPanel, pose: PosePanel
+    ) -> None:
+        self._gui = server.gui
+        self._machine, self._motion, self._pose = machine, motion, pose
+        self._robot: Robot | None = None
+        self._handle: RunHandle | None = None
+        self._one_command = threading.Lock()
+        self._closed = threading.Event()
+        self._add_operator()
+        self._bus = self._gui.add_text("Bus", bus)
+        self._button("Connect", self._connect)
+        self._button("Enable and home", self._bring_up)
+        self._button("Reset fault", lambda robot: robot.reset_fault())
+        self._button("Disable", lambda robot: robot.disable())
+        with self._gui.add_folder("Run the loaded plan"):
+            self._log = self._gui.add_text("Log", "", hint="Where to record; empty: nowhere")
+            self._button("Run", self._run)
+        with self._gui.add_folder("Jog", expand_by_default=False):
+            self._step = self._gui.add_number("Step [mm]", 5.0, min=0.01, step=0.5)
+            jog = self._gui.add_button_group("Direction", tuple(_JOGS))
+            jog.on_click(lambda _: self._command(lambda robot: self._jog(robot, jog.value)))
+            self._button("Park", lambda robot: robot.park())
+        threading.Thread(target=self._watch, name="page-watch", daemon=True).start()
+
+    def _add_operator(self) -> None:
+        """Put what an operator must find at once into a window that does not scroll."""
+        window = self._gui.add_panel()
+        with window.add_tab("Operator"):
+            self._gui.add_button("Stop", color="red", hint="Space bar").on_click(
+                lambda _: self.stop()
+            )
+            self._gui.add_button("Hold").on_click(lambda _: self._to_run(RunHandle.hold))
+            self._gui.add_button("Resume").on_click(lambda _: self._to_run(RunHandle.resume))
+            self._override = self._gui.add_slider("Override [%]", 0, 100, 1, 100)
+            self._words = self._gui.add_markdown("Not connected.")
+            self._state = self._gui.add_markdown("")
+        window.float(x=90.0, y=-15.0, width=330.0)
+        self._override.on_update(self._overridden)
+        stop = self._gui.add_command("Stop", description="Stop on the path", hotkey="space")
+        stop.on_trigger(lambda _: self.stop())
+
+    def stop(self) -> None:
+        """Stop whatever moves, along its path. Waits for nothing and needs nothing."""
+        robot = self._robot
+        if robot is not None:
+            robot.stop()
+            self._words.content = "**Stopped by the operator.** Run again to go on."
+
+    def close(self) -> None:
+        """Stop and let go of the machine."""
+        self._closed.set()
+        robot, self._robot = self._robot, None
+        if robot is not None:
+            robot.stop()
+            with self._one_command:
+                robot.close()
+
+    # Commands
+
+    def _button(self, label: str, work: Callable[[Robot], object]) -> None:
+        self._gui.add_button(label).on_click(lambda _: self._command(work))
+
+    def _command(self, work: Callable[[Any], object]) -> None:
+        """Do one thing with the machine, and say how it went."""
+        if not self._one_command.acquire(blocking=False):
+            self._words.content = "The machine is busy; Stop works all the same."
+            return
+        try:
+            if self._robot is None and work != self._connect:
+                self._words.content = "**Not connected.** Connect first."
+                return
+            answer = work(self._robot)
+            self._words.content = str(answer) if answer is not None else "Done."
+        except DuoglideError as error:
+            self._words.content = f"**{type(error).__name__}.** {error}"
+        finally:
+            self._one_command.release()
+
+    def _connect(self, robot: Robot | None) -> str:
+        if robot is not None:
+            return f"Connected to {robot.bus} already."
+        self._words.content = "Connecting ..."
+        self._robot = Robot.connect(self._machine, bus=self._bus.value)
+        return f"Connected to {self._robot.bus}; the drives have no power yet."
+
+    def _bring_up(self, robot: Robot) -> str:
+        robot.enable()
+        robot.home()
+        return "Under power and homed."
+
+    def _run(self, robot: Robot) -> str:
+        trajectory = self._motion.trajectory
+        if trajectory is None:
+            return "**Nothing to run.** Plan a pick or open a plan in the Motion tab first."
+        log = Path(self._log.value) if self._log.value.strip() else None
+        rate = max(self._override.value, 1) / 100.0
+        self._pose.set_draggable(False)
+        try:
+            self._handle = robot.start(trajectory, log=log, approach=True, override=rate)
+            self._words.content = "Running."
+            return f"{self._handle.wait()!r}"
+        finally:
+            self._handle = None
+            self._pose.set_draggable(True)
+
+    def _jog(self, robot: Robot, direction: str) -> str:
+        axis, sign = _JOGS[direction]
+        step = np.zeros(3)
+        step[axis] = sign * self._step.value
+        robot.jog(step)
+        x, y, z = robot.position
+        return f"At ({x:.2f}, {y:.2f}, {z:.2f}) mm."
+
+    def _to_run(self, order: Callable[[RunHandle], None]) -> None:
+        handle = self._handle
+        if handle is not None:
+            order(handle)
+
+    def _overridden(self, event: Any) -> None:
+        if event.client is not None:
+            self._to_run(lambda handle: handle.set_override(self._override.value / 100.0))
+
+    # Looking
+
+    def _watch(self) -> None:
+        """Show where the machine is, a few times a second; runs on a thread of its own."""
+        while not self._closed.wait(_REFRESH):
+            robot, handle = self._robot, self._handle
+            if robot is None:
+                continue
+            try:
+                self._state.content = _describe(robot, handle)
+                if robot.homed:
+                    self._pose.follow(robot.position)
+            except DuoglideError as error:
+                self._state.content = f"**{type(error).__name__}.** {error}"
+
+
+def _describe(robot: Robot, handle: RunHandle | None) -> str:
+    """Return the machine's state in Markdown."""
+    rows = [
+        f"| {number} | {state.name.replace('_', ' ').lower()} | {place:.3f} |"
+        for number, (state, place) in enumerate(
+            zip(robot.states, robot.carriages, strict=True), start=1
+        )
+    ]
+    table = "| axis | drive | mm |\n|---|---|---|\n" + "\n".join(rows)
+    if handle is None:
+        return table
+    status = handle.status
+    worst = max(abs(error) for error in status.following_error)
+    return (
+        f"**{status.state.name.lower()}** at {status.path_time:.3f} s, rate {status.rate:.2f}, "
+        f"following error {worst:.3f} mm, lateness {status.lateness:.0f} us\n\n{table}"
+    )

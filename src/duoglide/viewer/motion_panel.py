@@ -1,0 +1,175 @@
+"""The part of the page that plans, opens plans and runs, and scrubs through them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import DuoglideError
+from duoglide.planning.pick_and_place import pick_and_place
+from duoglide.planning.plan import plan
+from duoglide.viewer.mechanism import CARRIAGES, METRES
+from duoglide.viewer.pose_panel import PosePanel
+from duoglide.viewer.recording import Recording, load_recording, recording_of
+
+if TYPE_CHECKING:
+    from duoglide.machine import Machine
+    from duoglide.motion.trajectory import Trajectory
+
+_FRAME = 1.0 / 30.0  # [s] between two pictures while playing
+_NEAR, _FAR = np.array([213, 30, 60]), np.array([0, 130, 200])  # clearance at its bound, at ease
+_EASE = 40.0  # [mm] above the machine's clearance
+
+
+class MotionPanel:
+    """Plan a pick, open a file, scrub its timeline, see the carriages against their limits.
+
+    Args:
+        server: The viser server.
+        machine: The machine that is shown.
+        pose: What shows a position.
+    """
+
+    def __init__(self, server: Any, machine: Machine, pose: PosePanel) -> None:
+        self._server, self._gui = server, server.gui
+        self._machine = machine
+        self._pose = pose
+        self._recording: Recording | None = None
+        self._plots: list[Any] = []
+        self._path: Any = None
+        self._closed = threading.Event()
+        self.trajectory: Trajectory | None = None
+        with self._gui.add_folder("Plan a pick"):
+            self._pick = self._gui.add_vector3("Pick [mm]", (-41.0, -152.5, 295.0), step=0.5)
+            self._place = self._gui.add_vector3("Place [mm]", (-41.0, 152.5, 295.0), step=0.5)
+            self._lift = self._gui.add_number("Lift [mm]", 25.0, step=0.5)
+            self._tolerance = self._gui.add_number("Corner tolerance [mm]", 2.0, step=0.1)
+            self._gui.add_button("Plan").on_click(lambda _: self._plan())
+        with self._gui.add_folder("Open a plan or a run", expand_by_default=False):
+            self._file = self._gui.add_text("File", "run.mcap")
+            self._gui.add_button("Open").on_click(lambda _: self.open(Path(self._file.value)))
+        self._words = self._gui.add_markdown("Nothing is loaded.")
+        self._time = self._gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, disabled=True)
+        self._play = self._gui.add_checkbox("Play", False, disabled=True)
+        self._graphs = self._gui.add_folder("Over time")
+        self._time.on_update(self._scrubbed)
+        threading.Thread(target=self._play_along, name="page-play", daemon=True).start()
+
+    def close(self) -> None:
+        """End the playing."""
+        self._closed.set()
+
+    def open(self, file: Path) -> None:
+        """Open a plan or a run; what is wrong with it is said on the page."""
+        self._attempt(f"Opening {file.name} ...", lambda: load_recording(file))
+
+    def _plan(self) -> None:
+        def work() -> tuple[Recording, Trajectory | None]:
+            path = pick_and_place(
+                self._pick.value,
+                self._place.value,
+                lift=self._lift.value,
+                tolerance=self._tolerance.value,
+            )
+            trajectory = plan(self._machine, path)
+            return recording_of(trajectory), trajectory
+
+        self._attempt("Planning ...", work)
+
+    def _attempt(self, doing: str, work: Any) -> None:
+        """Do ``work`` and show what comes out, or say why nothing does."""
+        self._words.content = doing
+        try:
+            recording, self.trajectory = work()
+        except DuoglideError as error:
+            self._words.content = f"**Refused.** {error}"
+            return
+        self._show(recording)
+
+    def _show(self, recording: Recording) -> None:
+        self._recording = recording
+        end = float(recording.times[-1])
+        self._time.max, self._time.step = max(end, 1e-3), max(end / 2000.0, 1e-4)
+        self._time.value = 0.0
+        self._time.disabled = self._play.disabled = False
+        self._words.content = recording.words
+        self._draw_path(recording)
+        self._draw_plots(recording)
+        self._pose.follow(recording.positions[0])
+
+    def _draw_path(self, recording: Recording) -> None:
+        if self._path is not None:
+            self._path.remove()
+            self._path = None
+        points, room = recording.positions, recording.clearances
+        if len(points) < 2:
+            return
+        ease = np.clip((room - self._machine.clearance) / _EASE, 0.0, 1.0)[:, None]
+        colours = (_NEAR + ease * (_FAR - _NEAR)).astype(np.uint8)
+        self._path = self._server.scene.add_line_segments(
+            "/path",
+            points=np.stack([points[:-1], points[1:]], axis=1) * METRES,
+            colors=np.stack([colours[:-1], colours[1:]], axis=1),
+            thickness=4.0,
+            thickness_units="screen",
+        )
+
+    def _draw_plots(self, recording: Recording) -> None:
+        for plot in self._plots:
+            plot.remove()
+        bound = float(self._machine.limits.velocity.max())
+        limits = np.full((len(recording.times), 2), (bound, -bound))
+        velocities = np.concatenate([recording.velocities, limits], axis=1)
+        with self._graphs:
+            self._plots = [
+                self._plot("Carriages [mm]", recording.times, recording.carriages),
+                self._plot("Velocity and limits [mm/s]", recording.times, velocities),
+                self._plot("Clearance [mm]", recording.times, recording.clearances[:, None]),
+            ]
+
+    def _plot(self, title: str, times: FloatArray, values: FloatArray) -> Any:
+        """Draw columns over time: the carriages, then limits."""
+        series: list[dict[str, Any]] = [{"label": "s"}]
+        for column in range(values.shape[1]):
+            style: dict[str, Any] = {"label": "limit", "stroke": "#999999", "dash": [6, 4]}
+            if column < len(CARRIAGES):
+                stroke = "#{:02x}{:02x}{:02x}".format(*CARRIAGES[column])
+                style = {"label": str(column + 1), "stroke": stroke, "width": 2}
+            series.append(style)
+        return self._gui.add_uplot(
+            data=(times, *values.T),
+            series=tuple(series),
+            title=title,
+            scales={"x": {"time": False}},
+            legend={"show": False},
+            height=190,
+        )
+
+    def _scrubbed(self, event: Any) -> None:
+        if event.client is not None:
+            self._show_time(float(self._time.value))
+
+    def _show_time(self, t: float) -> None:
+        recording = self._recording
+        if recording is not None:
+            self._pose.follow(recording.position_at(t))
+
+    def _play_along(self) -> None:
+        """Move the timeline on while Play is ticked; runs on a thread of its own."""
+        while not self._closed.wait(_FRAME):
+            recording = self._recording
+            if recording is None or not self._play.value:
+                continue
+            end = float(recording.times[-1])
+            begun = time.monotonic() - (self._time.value if self._time.value < end else 0.0)
+            while self._play.value and not self._closed.wait(_FRAME):
+                now = min(time.monotonic() - begun, end)
+                self._time.value = now
+                self._show_time(now)
+                if now >= end:
+                    self._play.value = False

@@ -1,0 +1,115 @@
+"""The live 3D page: the mechanism, plans and logs, and the running machine, in a browser.
+
+Stop, hold, resume and override stand in one window of their own, always; Stop is on the space bar
+too.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from duoglide.errors import BusError, ConfigError
+from duoglide.viewer.machine_panel import MachinePanel
+from duoglide.viewer.mechanism import METRES, Mechanism
+from duoglide.viewer.motion_panel import MotionPanel
+from duoglide.viewer.pose_panel import PosePanel
+from duoglide.viewer.surfaces import Surfaces
+
+if TYPE_CHECKING:
+    from duoglide.machine import Machine
+
+LOOPBACK = "127.0.0.1"
+
+
+class Page:
+    """A page that is served until it is closed.
+
+    Args:
+        machine: The machine to show.
+        file: A plan or a run to open with.
+        bus: Where Connect finds the drives.
+        host: Address to serve on; only this machine by default.
+        port: TCP port; 0 takes any that is free.
+
+    Raises:
+        ConfigError: viser is not installed.
+        BusError: The port cannot be opened.
+        LogError: The file cannot be read.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        *,
+        file: Path | None = None,
+        bus: str = "virtual",
+        host: str = LOOPBACK,
+        port: int = 8080,
+    ) -> None:
+        viser = _viser()
+        try:
+            self._server = viser.ViserServer(host=host, port=port, label="Duoglide", verbose=False)
+        except OSError as error:
+            raise BusError(f"cannot serve the page on {host}:{port}: {error}") from error
+        self._stage(machine)
+        gui = self._server.gui
+        tabs = gui.add_tab_group()
+        mechanism = Mechanism(self._server.scene, machine.geometry)
+        with tabs.add_tab("Pose"):
+            self._pose = PosePanel(self._server, machine, mechanism)
+            self._surfaces = Surfaces(self._server, machine)
+        with tabs.add_tab("Motion"):
+            self._motion = MotionPanel(self._server, machine, self._pose)
+        with tabs.add_tab("Machine"):
+            self._machine = MachinePanel(self._server, machine, bus, self._motion, self._pose)
+        if file is not None:
+            self._motion.open(file)
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds the page."""
+        return f"http://{self._server.get_host()}:{self._server.get_port()}"
+
+    def close(self) -> None:
+        """Stop the machine if it moves, and stop serving."""
+        self._motion.close()
+        self._machine.close()
+        self._server.stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _stage(self, machine: Machine) -> None:
+        scene, half = self._server.scene, machine.geometry.rail_half_length
+        scene.set_up_direction("+z")
+        scene.add_grid(
+            "/floor",
+            width=3.0 * half * METRES,
+            height=3.0 * half * METRES,
+            cell_size=0.05,
+            section_size=0.25,
+            position=(0.0, 0.0, -0.025),
+        )
+        camera = self._server.initial_camera
+        camera.position = (1.7 * half * METRES, -1.5 * half * METRES, 1.5 * half * METRES)
+        camera.look_at = (0.0, 0.0, 0.35 * half * METRES)
+
+
+def _viser() -> Any:
+    try:
+        return importlib.import_module("viser")
+    except ImportError as error:
+        raise ConfigError(
+            "the page needs viser, which is not installed: pip install 'duoglide[view]'"
+        ) from error

@@ -1,0 +1,97 @@
+"""The page in a real browser: Debian's chromium, headless, drawing in software."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import duoglide as dg
+from duoglide.viewer.page import Page
+
+CHROMIUM = shutil.which("chromium")
+FLAGS = (
+    "--no-sandbox --disable-quic --no-first-run --disable-background-networking"
+    " --disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader"
+    " --enable-unsafe-swiftshader --ignore-gpu-blocklist"
+).split()
+PATIENCE = 60_000  # [ms]
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser_page() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    machine = dg.Machine.default()
+    with Page(machine, port=0) as page, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        tab = browser.new_page(viewport={"width": 1400, "height": 1000})
+        tab.set_default_timeout(PATIENCE)
+        tab.goto(page.address)
+        tab.get_by_role("button", name="Stop").wait_for()
+        yield tab
+        browser.close()
+
+
+def open_tab(tab: Any, name: str) -> None:
+    tab.get_by_role("tab", name=name).click()
+
+
+def wait_for(tab: Any, text: str) -> None:
+    tab.get_by_text(text).first.wait_for()
+
+
+def test_the_page_is_served_to_this_machine_only(browser_page: Any) -> None:
+    assert browser_page.url.startswith("http://127.0.0.1:")
+
+
+def test_a_typed_position_is_answered_by_the_inverse_kinematics(browser_page: Any) -> None:
+    open_tab(browser_page, "Pose")
+    height = browser_page.locator("input:visible").nth(2)
+    height.fill("310")
+    height.press("Enter")
+    first = dg.inverse(dg.Geometry(), (-41.0, 0.0, 310.0))[0]
+    wait_for(browser_page, f"Carriages {first:.2f}")
+    height.fill("500")
+    height.press("Enter")
+    wait_for(browser_page, "Out of reach.")
+
+
+def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
+    browser_page: Any, tmp_path: Path
+) -> None:
+    tab = browser_page
+    open_tab(tab, "Motion")
+    tab.get_by_role("button", name="Plan", exact=True).click()
+    wait_for(tab, "least clearance")
+    open_tab(tab, "Machine")
+    tab.get_by_role("button", name="Connect").click()
+    wait_for(tab, "the drives have no power yet")
+    tab.get_by_role("button", name="Enable and home").click()
+    wait_for(tab, "Under power and homed")
+    log = tmp_path / "run.mcap"
+    inputs = tab.locator("input:visible")  # bus and log in the panel, override beside Stop
+    inputs.nth(1).fill(str(log))
+    override = inputs.last
+    override.fill("1")  # slow, so that there is time to hold and to stop
+    override.press("Enter")
+    tab.get_by_role("button", name="Run", exact=True).click()
+    wait_for(tab, "running")
+    tab.get_by_role("button", name="Hold").click()
+    wait_for(tab, "held")
+    tab.get_by_role("button", name="Resume").click()
+    wait_for(tab, "running")
+    tab.locator("canvas").first.click()
+    tab.keyboard.press("Space")
+    wait_for(tab, "stopped at path time")
+    tab.screenshot(path=str(tmp_path / "page.png"))
+    assert log.stat().st_size > 1000
