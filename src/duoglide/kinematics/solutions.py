@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples, read_only
 from duoglide.errors import InputError, UnreachableError
-from duoglide.kinematics._kernels import SINGULAR
 from duoglide.kinematics.model import forward, inverse, reachable
 from duoglide.kinematics.modes import AssemblyMode, WorkingMode
 from duoglide.kinematics.singularity import margins
 from duoglide.machine import Geometry
 
 SIGNS = (1, -1)
+TOUCHING = 1e-7  # [mm], the margin that counts as none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,8 @@ class InverseSolution:
         carriages: Carriage positions [mm], shape (3,).
         realisable: Whether it can be built: carriage 2 stands beyond carriage 1. Where it does, the
             legs do not cross either, because C2 is beyond C1.
-        singular: Whether the pose lies on a singular surface of this mode, edges of reach included.
+        singular: Whether the pose lies on a singular surface of this mode, edges of reach included:
+            a margin is within 1e-7 mm of 0.
     """
 
     mode: WorkingMode
@@ -75,7 +76,7 @@ def _inverse_solution(geometry: Geometry, pose: FloatArray, mode: WorkingMode) -
         mode=mode,
         carriages=carriages,
         realisable=bool(carriages[1] > carriages[0]),
-        singular=bool(margins(geometry, pose, mode).least() < SINGULAR),
+        singular=bool(margins(geometry, pose, mode).least() <= TOUCHING),
     )
 
 

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+import duoglide as dg
+from duoglide.kinematics import _batch, _kernels
+
+
+def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+
+    def njit(loop: Callable[..., int], **options: Any) -> Callable[..., int]:
+        asked.append(options.get("cache", False))
+        if options.get("cache"):
+            raise RuntimeError("cannot cache function: no locator available")
+        return loop
+
+    monkeypatch.setattr(numba, "njit", njit)
+    assert _batch._compiled.__wrapped__(_kernels.inverse_loop) is _kernels.inverse_loop
+    assert asked == [True, False]
+
+
+def test_the_loops_say_the_same_uncompiled(geometry: dg.Geometry) -> None:
+    position = np.array([[-41.0, 3.0, 302.0], [20.0, -5.0, 300.0]])
+    k = _kernels.pose_constants(geometry, dg.WorkingMode())
+    carriages = np.empty(6)
+    assert _kernels.inverse_loop(position.ravel(), carriages, k) == 0
+    np.testing.assert_array_equal(carriages.reshape(2, 3), dg.inverse(geometry, position))
+    back = np.empty(6)
+    assembly = _kernels.carriage_constants(geometry, dg.AssemblyMode())
+    assert _kernels.forward_loop(carriages, back, assembly) == 0
+    np.testing.assert_allclose(back.reshape(2, 3), position, rtol=0, atol=1e-10)
+    sides = np.empty(8)
+    assert _kernels.margins_loop(position.ravel(), sides, k) == 0
+    found = dg.margins(geometry, position)
+    np.testing.assert_array_equal(
+        sides.reshape(4, 2), [found.strut, found.legs_flat, found.arm_strut, found.arm_flat]
+    )
+
+
+@pytest.mark.parametrize("value", [(1.0, 2), [1.0, 2.0, np.float64(3.0)], (1, 2, 3), 5.0, None])
+def test_only_three_plain_floats_take_the_short_way(value: Any) -> None:
+    assert _batch.as_pose(value) == ()
+    assert _batch.as_pose((1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+    assert _batch.as_pose(np.array([1.0, 2.0, 3.0])) == [1.0, 2.0, 3.0]
