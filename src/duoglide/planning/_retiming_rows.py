@@ -19,6 +19,7 @@ from numba import njit
 from duoglide.arrays import FloatArray
 
 POINTS = 3  # of a cell
+_LEAST = 0.02  # of alpha at a node, that its Bernstein coefficient keeps
 
 
 def _basis(delta: float, unit: float, point: int, out: FloatArray) -> None:
@@ -41,35 +42,36 @@ def _basis(delta: float, unit: float, point: int, out: FloatArray) -> None:
 basis_rows = njit(cache=True)(_basis)
 
 
-def _limit_rows(
-    delta: FloatArray,
-    unit: float,
-    speed: FloatArray,
-    acceleration: FloatArray,
-    jerk: FloatArray,
-    tangent: FloatArray,
-) -> Any:
+def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray) -> Any:
     """Return the rows (first unknown, four factors, bound) of every limit.
 
     Args:
         delta: Length of each cell, (n,).
         unit: Factor of beta in the unknowns [s].
-        speed: alpha is at most 1 / speed at each point of each cell, (n, 3).
-        acceleration: Factors of beta and alpha at each point, (n, 3, rows, 2).
-        jerk: Factors of d beta/d theta, 3 beta and alpha at each point; their sum times
-            sqrt(alpha) is within +-1, (n, 3, rows, 3).
+        limits: At each point of each cell: alpha is at most 1 / limits[0], (n, 3); factors of beta
+            and alpha in each acceleration, which is within +-1, (n, 3, rows, 2); factors of
+            d beta/d theta, 3 beta and alpha in each jerk, which times sqrt(alpha) is within +-1,
+            (n, 3, rows, 3).
         tangent: alpha at which 1 / sqrt(alpha) is replaced by its tangent, (n, 3).
     """
+    speed, acceleration, jerk = limits
     cells = delta.size
     ma = acceleration.shape[2]
     mj = jerk.shape[2]
-    count = (2 * cells + 1) * (1 + 2 * ma) + 6 * cells * mj
+    count = (2 * cells + 1) * (1 + 2 * ma) + 6 * cells * mj + 2 * cells
     first = np.empty(count, np.int64)
     rows = np.zeros((count, 4))
     bounds = np.ones(count)
     basis = np.empty((3, 4))
     r = 0
     for k in range(cells):
+        for end in range(2):  # the cubic's Bernstein coefficients stay positive, and so does alpha
+            first[r] = 2 * k
+            bounds[r] = 0.0
+            weight = 1.0 / tangent[k, 2 * end]
+            rows[r, 2 * end] = -(1.0 - _LEAST) * weight
+            rows[r, 2 * end + 1] = (2.0 * end - 1.0) * weight * delta[k] / (1.5 * unit)
+            r += 1
         for point in range(POINTS):
             basis_rows(delta[k], unit, point, basis)
             alpha, beta, third = basis

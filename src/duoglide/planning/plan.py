@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from duoglide.arrays import FloatArray
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import map_to_carriages
 from duoglide.motion.path import Path
 from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.blends import choose_blends
 from duoglide.planning.braking_caps import make_brake_safe
 from duoglide.planning.check import check_path
+from duoglide.planning.timed_curve import SigmaCap
 from duoglide.planning.timing import Progress, time_path
 
 
 def plan(
     machine: Machine, path: Path, brake_safe: bool = True, progress: Progress | None = None
 ) -> Trajectory:
-    """Check a path, carry it to the carriages, and time it.
+    """Choose a path's blends, check it, carry it to the carriages, and time it.
 
     Args:
         machine: The machine that is to move.
@@ -25,8 +28,14 @@ def plan(
 
     Raises:
         PathError: The machine cannot follow the path; says where and by how much.
-        LimitError: No motion keeps the limits.
     """
-    checked = check_path(machine, path)
-    draft = time_path(map_to_carriages(checked), progress=progress)
-    return make_brake_safe(draft) if brake_safe else draft
+    checked = check_path(machine, choose_blends(machine, path))
+    carriages = map_to_carriages(checked)
+    draft = time_path(carriages, progress=progress)
+    if not brake_safe:
+        return draft
+
+    def retimed(sigma: FloatArray, cap: FloatArray) -> Trajectory:
+        return time_path(carriages, sigma_cap=SigmaCap(sigma, cap))
+
+    return make_brake_safe(draft, retimed)

@@ -2,7 +2,7 @@
 
 A motion along the path is retimed by theta(t), where theta is its own time. Near a rest the motion
 is sigma ~ theta^3, so that retiming it never meets the infinite slopes that path speed as a
-function of sigma has there; and where the motion is already the quickest, alpha = 1 and beta = 0 are exact.
+function of sigma has there; and where the motion is the quickest, alpha = 1, beta = 0 is exact.
 
 Velocity and acceleration limits are linear in (alpha, beta) of ``_retiming_rows``. A jerk limit,
 
@@ -20,11 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
-from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
 from duoglide.planning import _interior_point, _retiming_rows
 from duoglide.planning._retiming_rows import POINTS
-from duoglide.planning.path_terms import limit_table, motion_within
+from duoglide.planning.timed_curve import CellMotion, TimedCurve
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _SHRINK = 0.95  # of the last solution, to begin the next one strictly inside
@@ -93,17 +92,19 @@ class RetimingProblem:
     jerk: FloatArray
 
     @classmethod
-    def on(cls, path: CarriagePath, base: Profile) -> RetimingProblem:
+    def on(cls, timed: TimedCurve, base: Profile) -> RetimingProblem:
         """Evaluate the limits along ``base``; none of its pieces crosses a break of the curve."""
-        terms = np.swapaxes(motion_within(path, base, POINTS), -1, -2)
-        velocity, acceleration, jerk = limit_table(path.machine.limits)[:, :, None]
-        return cls(
-            base=base,
-            delta=np.diff(base.knots[:, TIME]),
-            speed=((terms[..., :1] / velocity) ** 2).max(axis=(-1, -2)),
-            acceleration=terms[..., :2] / acceleration,
-            jerk=terms / jerk,
-        )
+        motion = CellMotion.of(timed, base, POINTS)
+        speed = (motion.carriages[..., 0, :] ** 2).max(axis=-1)
+        # cell, point, carriage, derivative; each row over the limit of its highest derivative
+        terms = np.swapaxes(motion.carriages * timed.limits, -1, -2)
+        acceleration = terms[..., :2] / timed.limits[1, :, None]
+        if motion.caps is not None:
+            speed = np.maximum(speed, motion.caps.speed**2)
+            acceleration = np.concatenate([acceleration, motion.caps.rows], axis=2)
+        jerk = np.ascontiguousarray(terms / timed.limits[2, :, None])
+        delta = np.diff(base.knots[:, TIME])
+        return cls(base, delta, speed, np.ascontiguousarray(acceleration), jerk)
 
     def uniform(self) -> Retiming:
         """Return the quickest retiming by one factor that is feasible at the nodes."""
@@ -125,7 +126,7 @@ class RetimingProblem:
         last = 2 * self.delta.size
         points = _retiming_rows.duration_points(self.delta, unit)
         rows = _retiming_rows.limit_rows(
-            self.delta, unit, self.speed, self.acceleration, self.jerk, self._tangent(start)
+            self.delta, unit, (self.speed, self.acceleration, self.jerk), self._tangent(start)
         )
         # alpha is constant in the cells that begin or end at rest: what else it did there would
         # cost nothing, because the motion hardly moves
@@ -152,14 +153,19 @@ class RetimingProblem:
         """Return this problem with the limits lowered where a solution overshoots them.
 
         Args:
-            use: Largest absolute derivative over its limit in each cell, (n, 3, 3), carriages last.
+            use: Largest use of each limit in each cell, as ``CellMotion.uses``, (n, 3, rows).
         """
         over = np.maximum(use, 1.0)
+        rows = self.acceleration.shape[2]
+        acceleration = over[:, 1, :]
+        if rows > acceleration.shape[1]:  # the tool's polygon
+            tool = np.repeat(acceleration[:, 3:], rows - 3, axis=1)
+            acceleration = np.concatenate([acceleration[:, :3], tool], axis=1)
         return replace(
             self,
             speed=self.speed * over[:, None, 0].max(axis=-1) ** 2,
-            acceleration=self.acceleration * over[:, None, 1, :, None],
-            jerk=self.jerk * over[:, None, 2, :, None],
+            acceleration=self.acceleration * acceleration[:, None, :rows, None],
+            jerk=self.jerk * over[:, None, 2, :3, None],
         )
 
     def profile(self, retiming: Retiming) -> Profile:

@@ -12,13 +12,17 @@ from duoglide.motion.stopping import StopBounds
 from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.stopping import stop_bounds
+from duoglide.planning.timed_curve import SigmaCap, TimedCurve
 from duoglide.planning.timing_span import Effort, time_span
 
 Progress = Callable[[float], None]  # told the share that is done, 0 to 1
 
 
 def time_path(
-    path: CarriagePath, effort: Effort | None = None, progress: Progress | None = None
+    path: CarriagePath,
+    effort: Effort | None = None,
+    progress: Progress | None = None,
+    sigma_cap: SigmaCap | None = None,
 ) -> Trajectory:
     """Find the quickest motion along a curve that keeps every limit of the carriages.
 
@@ -26,8 +30,12 @@ def time_path(
         path: The curve of the carriages.
         effort: How finely to look; default: within about 1 % of the optimum.
         progress: Called with the share of the curve that is timed.
+        sigma_cap: A cap on the speed along the curve.
     """
     effort = effort or Effort()
+    timed = TimedCurve.of(path)
+    if sigma_cap is not None:
+        timed = timed.capped(sigma_cap)
     rests = [0.0, *path.curve.rests, path.curve.end]
     parts: list[Profile] = []
     reasons: list[str] = []
@@ -36,7 +44,7 @@ def time_path(
     clock = 0.0
     for k, rest in enumerate(rests):
         if k > 0:
-            span = time_span(path, rests[k - 1], rest, effort)
+            span = time_span(timed, rests[k - 1], rest, effort)
             passed = [entry for entry in waiting if entry[0] < rest]
             actions += [(clock + span.profile.time_at(s), action) for s, action in passed]
             waiting = waiting[len(passed) :]

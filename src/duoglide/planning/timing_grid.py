@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from duoglide.arrays import FloatArray
@@ -33,7 +35,7 @@ def grid(
     ends = np.interp(fixed, theta, shown)
     step = (ends[-1] - ends[0]) / cells
     free = []
-    for low, high in zip(ends[:-1], ends[1:], strict=True):
+    for low, high in pairwise(ends):
         count = max(int(np.ceil((high - low) / step - 0.3)), least)
         free.append(np.linspace(low, high, count + 1)[1:-1])
     kept = _apart(np.interp(wished, theta, shown), ends, _NEAR * step)
@@ -48,4 +50,5 @@ def _apart(points: FloatArray, others: FloatArray, distance: float) -> FloatArra
     right = np.searchsorted(others, points).clip(0, others.size - 1)
     left = (right - 1).clip(0)
     gap = np.minimum(np.abs(others[right] - points), np.abs(others[left] - points))
-    return points[gap > distance]
+    result: FloatArray = points[gap > distance]
+    return result

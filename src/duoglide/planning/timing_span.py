@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cbrt, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
-from duoglide.motion.carriage_path import CarriagePath
-from duoglide.motion.profile import SIGMA, TIME, Profile
-from duoglide.planning.path_terms import limit_table, motion_within, peaks, pieces_of, stretch
+from duoglide.motion.profile import TIME, Profile
 from duoglide.planning.retiming import Retiming, RetimingProblem, on_grid
+from duoglide.planning.timed_curve import CellMotion, TimedCurve
 from duoglide.planning.timing_base import seven_phases
 from duoglide.planning.timing_grid import grid
 
@@ -19,6 +19,7 @@ POINTS = 9  # at which each piece of a profile is looked at
 _ROUNDING = 1e-6
 _RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
 _USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
+_SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
 _SAME = 1e-7  # of the duration; knots nearer than that are one
 
 
@@ -36,9 +37,9 @@ class Effort:
         tolerance: Of the duration, relative.
     """
 
-    coarse: int = 40
-    cells: int = 120
-    per_piece: int = 6
+    coarse: int = 32
+    cells: int = 70
+    per_piece: int = 4
     rounds: int = 3
     refine: int = 2
     polish: int = 2
@@ -58,102 +59,170 @@ class Span:
     reason: str = ""
 
 
-def time_span(path: CarriagePath, start: float, end: float, effort: Effort) -> Span:
+def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Span:
     """Time the part of a curve between two rests, ``start`` and ``end`` [mm]."""
-    breaks = path.curve.breaks
-    inner = breaks[(breaks > start) & (breaks < end)]
-    base = _first_motion(path, start, end, inner)
-    fixed = np.array([0.0, *(base.time_at(b) for b in inner), base.duration])
-    slow = _certified(path, on_grid(base, _fine_grid(base, fixed), inner))
-    found = _quickest(path, base, fixed, effort)
+    search = _Search.between(timed, start, end)
+    found = search.quickest(effort)
     if found is None:
-        return Span(slow, "the interior-point method did not converge")
-    return Span(found if found.duration < slow.duration else slow)
+        return Span(search.simple(), "the interior-point method did not converge")
+    if search.fixed.size > 2:
+        return Span(found)
+    simple = search.simple()  # which is the optimum where all carriages move alike
+    return Span(found if found.duration < simple.duration else simple)
 
 
-def _fine_grid(base: Profile, fixed: FloatArray) -> FloatArray:
-    """Return a grid with all the base's own knots, so that it stays what it is."""
-    every = np.concatenate([fixed, base.knots[:, TIME], np.linspace(0.0, base.duration, 65)])
-    every.sort()
-    apart = np.diff(every, prepend=-1.0) > _SAME * base.duration
-    return np.union1d(every[apart], fixed)
+def estimate(timed: TimedCurve, start: float, end: float, cells: int) -> float:
+    """Return about how long the quickest motion takes [s], infinity where that was not found."""
+    search = _Search.between(timed, start, end)
+    problem = search.problem(search.grid(search.own_clock, cells, 4))
+    found = problem.improved(problem.uniform(), 3, 3e-3)
+    return float(found.durations(problem.delta).sum()) if found.converged else inf
 
 
-def _own_clock(base: Profile) -> tuple[FloatArray, FloatArray]:
-    ends = np.array([0.0, base.duration])
-    return ends, ends
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """Search for the quickest motion between two rests.
+
+    Attributes:
+        timed: The curve.
+        base: A simple motion, which is retimed.
+        fixed: Times of it at which a knot must be: the ends, and the curve's breaks [s].
+        sigma: The breaks themselves, ends included [mm].
+    """
+
+    timed: TimedCurve
+    base: Profile
+    fixed: FloatArray
+    sigma: FloatArray
+
+    @classmethod
+    def between(cls, timed: TimedCurve, start: float, end: float) -> _Search:
+        breaks = timed.breaks
+        sliver = min(_SLIVER, 1e-3 * (end - start))
+        inner = breaks[(breaks > start + sliver) & (breaks < end - sliver)]
+        inner = inner[np.diff(inner, prepend=start) > sliver]
+        base = _first_motion(timed, start, end, inner)
+        fixed = np.array([0.0, *(base.time_at(b) for b in inner), base.duration])
+        return cls(timed, base, fixed, np.array([start, *inner, end]))
+
+    @property
+    def own_clock(self) -> tuple[FloatArray, FloatArray]:
+        """The base's own time."""
+        ends = np.array([0.0, self.base.duration])
+        return ends, ends
+
+    def grid(self, clock: tuple[FloatArray, FloatArray], cells: int, least: int) -> FloatArray:
+        """Divide the base into cells that are even on a clock."""
+        return grid(self.fixed, self.base.knots[1:-1, TIME], clock, cells, least)
+
+    def problem(self, times: FloatArray) -> RetimingProblem:
+        """State the problem on a grid."""
+        return RetimingProblem.on(self.timed, on_grid(self.base, times, self.sigma))
+
+    def simple(self) -> Profile:
+        """Return the base itself, slowed until it keeps every limit."""
+        even = np.linspace(0.0, self.base.duration, 65)
+        every = np.sort(np.concatenate([self.fixed, self.base.knots[:, TIME], even]))
+        apart = np.diff(every, prepend=-1.0) > _SAME * self.base.duration
+        times = np.union1d(every[apart], self.fixed)
+        return _certified(self.timed, on_grid(self.base, times, self.sigma))
+
+    def quickest(self, effort: Effort) -> Profile | None:
+        """Return the near-optimal motion, or None where the solver does not converge."""
+        rough = self.problem(self.grid(self.own_clock, effort.coarse, 2))
+        first = rough.improved(rough.uniform(), 2, 1e-3)
+        if not first.converged:
+            return None
+        clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
+        times = self.grid(clock, effort.cells, effort.per_piece)
+        problem = self.problem(times)
+        found = problem.improved(problem.uniform(), effort.rounds, effort.tolerance)
+        for _ in range(effort.refine):
+            if not found.converged:
+                return None
+            parts = _parts(self.timed, problem.profile(found))
+            times = _divided(times, parts)
+            found = found.split(problem.delta, parts)
+            problem = self.problem(times)
+            found = problem.improved(found, 1, effort.tolerance)
+        return _polished(self.timed, problem, found, effort) if found.converged else None
 
 
-def _first_motion(path: CarriagePath, start: float, end: float, inner: FloatArray) -> Profile:
+def _first_motion(timed: TimedCurve, start: float, end: float, inner: FloatArray) -> Profile:
     """Return a motion with constant bounds that about fit the first derivatives everywhere."""
     sigma = np.unique(np.concatenate([np.linspace(start, end, 65), inner]))
-    slopes = np.abs(path.derivatives(sigma, pieces_of(path, sigma))[:, 1, :])
-    limits = limit_table(path.machine.limits)
-    bounds = (limits[:, None, :] / np.maximum(slopes, 1e-12 * slopes.max())).min(axis=(1, 2))
+    slopes = np.abs(timed.carriages(sigma, timed.pieces_of(sigma))[:, 1, :])
+    largest = np.maximum(slopes, 1e-12 * slopes.max()).max(axis=0)
+    bounds = (timed.limits / largest).min(axis=1)
     return seven_phases(start, end, (bounds[0], bounds[1], bounds[2]))
 
 
-def _use(path: CarriagePath, profile: Profile) -> FloatArray:
-    """Return the largest use of each limit in each piece of a profile, (n, 3, 3)."""
-    limits = limit_table(path.machine.limits)
-    return peaks(motion_within(path, profile, POINTS) / limits)
+def _use(timed: TimedCurve, profile: Profile) -> FloatArray:
+    """Return the largest use of each limit in each piece of a profile, (n, 3, rows)."""
+    return peaks(CellMotion.of(timed, profile, POINTS).uses())
 
 
-def _certified(path: CarriagePath, profile: Profile) -> Profile:
+def _certified(timed: TimedCurve, profile: Profile) -> Profile:
     """Return ``profile``, slowed by one factor so that no limit is exceeded anywhere."""
-    return profile.stretched(stretch(_use(path, profile)) * (1.0 + _ROUNDING))
+    return profile.stretched(stretch(_use(timed, profile)) * (1.0 + _ROUNDING))
 
 
-def _quickest(
-    path: CarriagePath, base: Profile, fixed: FloatArray, effort: Effort
-) -> Profile | None:
-    """Return the near-optimal motion, or None where the solver does not converge."""
-    sigma = base.at(fixed)[:, SIGMA]
-    wished = base.knots[1:-1, TIME]
-    times = grid(fixed, wished, _own_clock(base), effort.coarse, 2)
-    rough = RetimingProblem.on(path, on_grid(base, times, sigma))
-    first = rough.improved(rough.uniform(), 2, 1e-3)
-    if not first.converged:
-        return None
-    clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
-    times = grid(fixed, wished, clock, effort.cells, effort.per_piece)
-    problem = RetimingProblem.on(path, on_grid(base, times, sigma))
-    found = problem.improved(problem.uniform(), effort.rounds, effort.tolerance)
-    for _ in range(effort.refine):
-        if not found.converged:
-            return None
-        parts = _parts(path, problem.profile(found))
-        times = np.append(
-            np.repeat(times[:-1], parts)
-            + np.concatenate([np.arange(n) * d / n for n, d in zip(parts, problem.delta)]),
-            base.duration,
-        )
-        found = found.split(problem.delta, parts)
-        problem = RetimingProblem.on(path, on_grid(base, times, sigma))
-        found = problem.improved(found, 1, effort.tolerance)
-    return _polished(path, problem, found, effort) if found.converged else None
-
-
-def _parts(path: CarriagePath, profile: Profile) -> NDArray[np.intp]:
+def _parts(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
     """Return into how many parts each cell is to be divided.
 
     A limit is exceeded between points, or none is used all along, as one is at the optimum.
     """
-    samples = np.abs(motion_within(path, profile, POINTS) / limit_table(path.machine.limits))
-    over = np.sqrt((samples.max(axis=(1, 2, 3)) - 1.0).clip(0.0) / _RESOLVED)
-    slack = samples.mean(axis=1).max(axis=(1, 2)) < _USED
+    uses = CellMotion.of(timed, profile, POINTS).uses()
+    over = np.sqrt((uses.max(axis=(1, 2, 3)) - 1.0).clip(0.0) / _RESOLVED)
+    slack = uses.mean(axis=1).max(axis=(1, 2)) < _USED
     return np.where(slack, 2, np.clip(np.ceil(over), 1, 4)).astype(np.intp)
 
 
+def _divided(times: FloatArray, parts: NDArray[np.intp]) -> FloatArray:
+    """Divide each cell of a grid into even parts."""
+    cell = np.repeat(np.arange(parts.size), parts)
+    share = (np.arange(cell.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[cell]
+    return np.append(times[cell] + share * np.diff(times)[cell], times[-1])
+
+
 def _polished(
-    path: CarriagePath, problem: RetimingProblem, found: Retiming, effort: Effort
+    timed: TimedCurve, problem: RetimingProblem, found: Retiming, effort: Effort
 ) -> Profile:
     """Lower the limits where the motion exceeds them between knots; slow down by what remains."""
     profile = problem.profile(found)
     for _ in range(effort.polish):
-        problem = problem.tightened(_use(path, profile))
+        problem = problem.tightened(_use(timed, profile))
         again = problem.improved(found, 1, effort.tolerance)
         if not again.converged:
             break
         found, profile = again, problem.profile(again)
-    return _certified(path, profile)
+    return _certified(timed, profile)
+
+
+def stretch(use: FloatArray) -> float:
+    """Return the factor of all times that brings the worst use to 1.
+
+    Args:
+        use: Of limits of velocity, acceleration and jerk, shape (..., 3, rows).
+    """
+    v, a, j = (float(use[..., k, :].max()) for k in range(3))
+    return max(v, sqrt(a), cbrt(j))
+
+
+def peaks(samples: FloatArray) -> FloatArray:
+    """Return the largest value between samples along axis 1, estimated by parabolas.
+
+    Args:
+        samples: Evenly spaced, shape (n, points, ...), at least three points.
+
+    Returns:
+        Shape (n, ...).
+    """
+    before, middle, after = samples[:, :-2], samples[:, 1:-1], samples[:, 2:]
+    bend = before - 2.0 * middle + after
+    slope = 0.5 * (after - before)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside = np.abs(slope) < -bend  # the parabola has its peak between the outer two
+        top = np.where(inside, middle - 0.5 * slope * slope / bend, 0.0)
+    largest: FloatArray = np.maximum(samples.max(axis=1), top.max(axis=1))
+    return largest

@@ -1,0 +1,229 @@
+"""Choose the blends of a path so that the motion is quick.
+
+A corner with a tolerance leaves two things open: how much longer the blend is on one side than on
+the other, and its shape. Both are worth more than any refinement of the timing. They are searched
+for with quick estimates of the time, in common for all corners of a path; the cut-backs then use
+the whole tolerance, as far as the segments are long enough.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import exp, inf, log
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import PathError, SingularityError, UnreachableError
+from duoglide.machine import Machine
+from duoglide.motion.blend import Blend, nearest, quintics
+from duoglide.motion.blending import RoundedPath, round_corners
+from duoglide.motion.path import Path
+from duoglide.motion.path_segments import Line
+from duoglide.planning.check import speed_caps
+from duoglide.planning.timed_curve import TimedCurve
+from duoglide.planning.timing_span import estimate
+
+_START = (0.9, 0.5)  # of the search: balance and shape
+_STEPS = (0.25, 0.05)  # first steps of log balance and of shape
+_SHAPES = (0.3, 0.7)
+_BALANCES = (0.2, 1.0)
+_HALVINGS = 2
+_CELLS = 32
+_MOST_CORNERS = 40  # for more of them no trials are made
+_EXACT = 1e-9  # relative, to which a tolerance is used, from below
+_CUTS = np.linspace(0.0, 1.0, 17)[1:]
+_NARROWINGS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """What all blends of a path have in common.
+
+    Attributes:
+        balance: Cut-back on the shorter segment over that on the longer one.
+        shape: See ``Blend``.
+    """
+
+    balance: float
+    shape: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Corner:
+    """A corner of two lines that may be rounded within a tolerance.
+
+    Attributes:
+        index: In ``Path.corners``.
+        before: Direction of the line before it.
+        after: Direction of the line after it.
+        tolerance: [mm].
+        room: Longest cut-back before and after it [mm].
+        short_first: Whether the line before it is the shorter one.
+    """
+
+    index: int
+    before: FloatArray
+    after: FloatArray
+    tolerance: float
+    room: tuple[float, float]
+    short_first: bool
+
+    def blend(self, style: Style) -> Blend:
+        """Return the blend of a style that uses the whole tolerance, or the room that there is."""
+        balance = style.balance if self.short_first else 1.0 / style.balance
+        whole = self._deviations(np.array([balance]), np.array([1.0]), style.shape)[0]
+        scale = (1.0 - _EXACT) * self.tolerance / whole
+        before, after = balance * scale, scale
+        if before > self.room[0]:
+            before = self.room[0]
+            after = self._longest(before, style.shape, first=True)
+        if after > self.room[1]:
+            after = self.room[1]
+            before = min(self.room[0], self._longest(after, style.shape, first=False))
+        return Blend(before, after, style.shape)
+
+    def _longest(self, given: float, shape: float, *, first: bool) -> float:
+        """Return the longest cut-back beside a given one that keeps the tolerance."""
+        room = self.room[1] if first else self.room[0]
+        low, high = 0.0, room
+        for _ in range(_NARROWINGS):
+            others = low + (high - low) * _CUTS
+            same = np.full(others.size, given)
+            before, after = (same, others) if first else (others, same)
+            over = self._deviations(before, after, shape) > self.tolerance * (1.0 - _EXACT)
+            if not over.any():
+                return float(others[-1])
+            k = int(np.argmax(over))
+            low, high = (float(others[k - 1]) if k else low), float(others[k])
+        return low if low > 0.0 else high
+
+    def _deviations(self, before: FloatArray, after: FloatArray, shape: float) -> FloatArray:
+        zero = np.zeros((before.size, 3))
+        left = np.stack([-before[:, None] * self.before, zero + self.before, zero], axis=1)
+        right = np.stack([after[:, None] * self.after, zero + self.after, zero], axis=1)
+        spans = 5.0 * shape * np.minimum(before, after)
+        return nearest(quintics(left, right, spans), zero)[1]
+
+
+def choose_blends(machine: Machine, path: Path) -> Path:
+    """Return ``path`` with explicit blends at its corners between lines, chosen for a quick motion.
+
+    Corners keep their tolerance. Corners with a blend of their own, sharp ones and those at rests
+    stay as they are. A path that cannot be followed comes back as it is: the check says why.
+    """
+    try:
+        rounded = round_corners(path)
+    except PathError:
+        return path
+    corners = _open_corners(path, rounded)
+    if not corners:
+        return path
+    if len(corners) > _MOST_CORNERS:
+        return _styled(path, corners, Style(*_START))
+    return _Search(machine, path, corners).best()
+
+
+def _open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
+    """Collect the corners whose blends may be chosen, and the room that each of them has."""
+    blends = [rounded.blend(i) for i in range(len(path.corners))]
+    found = []
+    for i, (one, other) in enumerate(pairwise(path.segments)):
+        tolerance = path.corners[i]
+        if not (isinstance(one, Line) and isinstance(other, Line)):
+            continue
+        if isinstance(tolerance, Blend) or blends[i] is None:
+            continue
+        ways = [np.subtract(line.end, line.start) for line in (one, other)]
+        lengths = [float(np.linalg.norm(way)) for way in ways]
+        beside = [0 <= k < len(blends) and blends[k] is not None for k in (i - 1, i + 1)]
+        room = [way * (0.5 if two else 1.0) for way, two in zip(lengths, beside, strict=True)]
+        units = [way / length for way, length in zip(ways, lengths, strict=True)]
+        found.append(
+            _Corner(i, units[0], units[1], tolerance, (room[0], room[1]), lengths[0] <= lengths[1])
+        )
+    return found
+
+
+def _styled(path: Path, corners: list[_Corner], style: Style) -> Path:
+    """Return ``path`` with the blends of a style."""
+    chosen = list(path.corners)
+    for corner in corners:
+        chosen[corner.index] = corner.blend(style)
+    return replace(path, corners=tuple(chosen))
+
+
+class _Search:
+    """A pattern search over styles.
+
+    Args:
+        machine: Whose limits the time depends on.
+        path: What is to be rounded.
+        corners: Where.
+    """
+
+    def __init__(self, machine: Machine, path: Path, corners: list[_Corner]) -> None:
+        self._machine = machine
+        self._path = path
+        self._corners = corners
+        self._offset = np.subtract(machine.work_frame, machine.tool_offset)
+        self._times: dict[tuple[float, float], float] = {}
+
+    def best(self) -> Path:
+        """Return the path with the quickest blends found, or the path itself if that is quicker."""
+        point = (log(_START[0]), _START[1])
+        scale = 1.0
+        for _ in range(_HALVINGS + 1):
+            for axis in (1, 0):
+                point = self._along(point, axis, _STEPS[axis] * scale)
+            scale *= 0.5
+        style = _style(point)
+        if self._time_of(self._path) <= self._time(point):
+            return self._path
+        return _styled(self._path, self._corners, style)
+
+    def _along(self, point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
+        """Go to the better side along one axis, and on to the peak of a parabola."""
+        here = self._time(point)
+        sides = [self._moved(point, axis, sign * step) for sign in (-1.0, 1.0)]
+        low, high = (self._time(side) for side in sides)
+        bend = low - 2.0 * here + high
+        best = min((here, point), (low, sides[0]), (high, sides[1]))
+        if np.isfinite(bend) and bend > 0.0:
+            steps = float(np.clip(0.5 * (low - high) / bend, -2.0, 2.0))
+            top = self._moved(point, axis, steps * step)
+            best = min(best, (self._time(top), top))
+        return best[1]
+
+    @staticmethod
+    def _moved(point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
+        values = [point[0], point[1]]
+        values[axis] += step
+        return (
+            float(np.clip(values[0], log(_BALANCES[0]), log(_BALANCES[1]))),
+            float(np.clip(values[1], *_SHAPES)),
+        )
+
+    def _time(self, point: tuple[float, float]) -> float:
+        key = (round(point[0], 3), round(point[1], 4))
+        if key not in self._times:
+            path = _styled(self._path, self._corners, _style(point))
+            self._times[key] = self._time_of(path)
+        return self._times[key]
+
+    def _time_of(self, path: Path) -> float:
+        """Estimate how long a path takes [s]; infinity where it cannot be followed."""
+        try:
+            rounded = round_corners(path)
+            curve = rounded.curve.moved(self._offset)
+            caps = speed_caps(path, rounded)
+            timed = TimedCurve(self._machine, curve, caps, path.tool_acceleration)
+            rests = [0.0, *curve.rests, curve.end]
+            return sum(estimate(timed, *span, _CELLS) for span in pairwise(rests))
+        except (PathError, UnreachableError, SingularityError):
+            return inf
+
+
+def _style(point: tuple[float, float]) -> Style:
+    return Style(exp(point[0]), point[1])

@@ -1,0 +1,203 @@
+"""A curve as the timing sees it: carriages, limits and caps along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duoglide.arrays import FloatArray
+from duoglide.kinematics.model import inverse_derivatives
+from duoglide.machine import Machine
+from duoglide.motion.carriage_path import CarriagePath
+from duoglide.motion.checked import SpeedCap
+from duoglide.motion.curve import Curve
+from duoglide.motion.profile import Profile
+
+_NO_CAP = 1e12  # mm/s
+_SIDES = 8  # pairs of opposite sides of the polygon that stands for a circle
+_INNER = np.cos(np.pi / (2 * _SIDES))
+
+
+@dataclass(frozen=True, eq=False)
+class SigmaCap:
+    """A cap on d sigma/dt, linear between points and none beyond them.
+
+    Attributes:
+        sigma: Where, ascending [mm], (n,).
+        speed: The cap there [mm/s], (n,).
+    """
+
+    sigma: FloatArray
+    speed: FloatArray
+
+    def at(self, sigma: FloatArray) -> FloatArray:
+        """Return the cap at ``sigma`` [mm/s], same shape."""
+        return np.interp(sigma, self.sigma, self.speed, left=_NO_CAP, right=_NO_CAP)
+
+
+@dataclass(frozen=True, eq=False)
+class TimedCurve:
+    """What is to be timed; checked already, or one of many candidates for a check.
+
+    Attributes:
+        machine: Its limits hold.
+        curve: Where the platform's centre goes.
+        speed_caps: Caps on the tool's speed along parts of the curve.
+        tool_acceleration: Cap on the tool's acceleration [mm/s^2].
+        sigma_cap: A cap on d sigma/dt, so that drives may brake by themselves.
+    """
+
+    machine: Machine
+    curve: Curve
+    speed_caps: tuple[SpeedCap, ...] = ()
+    tool_acceleration: float | None = None
+    sigma_cap: SigmaCap | None = None
+
+    @classmethod
+    def of(cls, path: CarriagePath) -> TimedCurve:
+        """Return what is to be timed of a checked path."""
+        checked = path.checked
+        return cls(path.machine, path.curve, checked.speed_caps, checked.tool_acceleration)
+
+    def capped(self, cap: SigmaCap) -> TimedCurve:
+        """Return this with a cap on d sigma/dt."""
+        return replace(self, sigma_cap=cap)
+
+    @property
+    def has_caps(self) -> bool:
+        """Whether anything but the carriages limits the motion."""
+        caps = self.tool_acceleration, self.sigma_cap
+        return bool(self.speed_caps) or any(cap is not None for cap in caps)
+
+    @cached_property
+    def limits(self) -> FloatArray:
+        """Limits of the carriages: derivative, carriage, (3, 3)."""
+        limits = self.machine.limits
+        return np.stack([limits.velocity, limits.acceleration, limits.jerk])
+
+    @cached_property
+    def breaks(self) -> FloatArray:
+        """Sigma where a derivative or a cap may jump [mm], ascending."""
+        ends = [end for cap in self.speed_caps for end in (cap.start, cap.end)]
+        breaks = self.curve.breaks
+        others = np.setdiff1d(np.array(ends), breaks).clip(0.0, self.curve.end)
+        apart = np.abs(others[:, None] - breaks).min(axis=1, initial=np.inf) > 1e-6
+        return np.union1d(breaks, others[apart])
+
+    def carriages(self, sigma: FloatArray, piece: Any) -> FloatArray:
+        """Return the carriages and three derivatives by sigma, (..., 4, 3)."""
+        return inverse_derivatives(self.machine.geometry, self.curve.derivatives(sigma, piece))
+
+    def motion(self, motion: FloatArray, piece: Any) -> FloatArray:
+        """Differentiate the carriages by time, as shares of their limits.
+
+        Args:
+            motion: Sigma and its three time derivatives, shape (..., 4).
+            piece: Piece of the curve that each belongs to, shape (...).
+
+        Returns:
+            Velocity, acceleration and jerk over their limits, shape (..., 3, 3), carriages last.
+        """
+        sigma, v, a, j = (motion[..., k, None] for k in range(4))
+        q = self.carriages(sigma[..., 0], piece)
+        q1, q2, q3 = q[..., 1, :], q[..., 2, :], q[..., 3, :]
+        square = v * v
+        result: FloatArray = np.stack(
+            [q1 * v, q1 * a + q2 * square, q1 * j + (3.0 * q2 * a + q3 * square) * v], axis=-2
+        )
+        return result / self.limits
+
+    def caps(self, motion: FloatArray, piece: Any, middle: FloatArray) -> CapUse:
+        """Return what the motion asks of the caps.
+
+        Args:
+            motion: Sigma and its three time derivatives, shape (n, points, 4).
+            piece: Piece of the curve that each belongs to, shape (n, points).
+            middle: Sigma in the middle of each cell, which tells what cap it has, (n,).
+        """
+        p = self.curve.derivatives(motion[..., 0], piece)
+        speed = np.linalg.norm(p[..., 1, :], axis=-1) * motion[..., 1]
+        use = speed / self._tool_speed(middle)[:, None]
+        if self.sigma_cap is not None:
+            use = np.maximum(use, motion[..., 1] / self.sigma_cap.at(motion[..., 0]))
+        if self.tool_acceleration is None:
+            return CapUse(use, np.zeros(use.shape), np.zeros((*use.shape, 0, 2)))
+        v, a = motion[..., 1, None], motion[..., 2, None]
+        first = p[..., 1, :] * v / self.tool_acceleration
+        second = (p[..., 1, :] * a + p[..., 2, :] * v * v) / self.tool_acceleration
+        sides = _polygon(p[..., 1, :], p[..., 2, :])
+        rows = np.einsum("...ij,...jk->...ik", sides, np.stack([first, second], axis=-1))
+        return CapUse(use, np.linalg.norm(second, axis=-1), rows / _INNER)
+
+    def _tool_speed(self, sigma: FloatArray) -> FloatArray:
+        result = np.full(sigma.shape, _NO_CAP)
+        for cap in self.speed_caps:
+            inside = (sigma >= cap.start) & (sigma <= cap.end)
+            result[inside] = np.minimum(result[inside], cap.speed)
+        return result
+
+    def pieces_of(self, sigma: FloatArray) -> NDArray[np.intp]:
+        """Return the index of the curve's piece that holds each sigma; at a break the later one."""
+        inside = np.searchsorted(self.curve.breaks, sigma, side="right") - 1
+        return np.clip(inside, 0, self.curve.count - 1)
+
+
+def _polygon(tangent: FloatArray, bend: FloatArray) -> FloatArray:
+    """Return directions evenly about the plane in which a curve bends, (..., 8, 3)."""
+    t = tangent / np.linalg.norm(tangent, axis=-1, keepdims=True)
+    across = bend - t * np.sum(bend * t, axis=-1, keepdims=True)
+    size = np.linalg.norm(across, axis=-1, keepdims=True)
+    n = across / np.where(size > 0.0, size, 1.0)
+    angle = np.arange(_SIDES)[:, None] * (np.pi / _SIDES)
+    result: FloatArray = np.cos(angle) * t[..., None, :] + np.sin(angle) * n[..., None, :]
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CapUse:
+    """Use of the caps by a motion.
+
+    Attributes:
+        speed: Largest use of a cap on speed, (...).
+        acceleration: Use of the cap on the tool's acceleration, (...).
+        rows: Factors of beta and alpha in the tool's acceleration over its cap, along directions
+            that make a polygon inside the circle, (..., 8 or none, 2).
+    """
+
+    speed: FloatArray
+    acceleration: FloatArray
+    rows: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellMotion:
+    """A profile at evenly spaced times of each of its pieces, none of which crosses a break.
+
+    Attributes:
+        carriages: Derivatives over their limits, (n, points, 3, 3), carriages last.
+        caps: Use of the caps, where there are any.
+    """
+
+    carriages: FloatArray
+    caps: CapUse | None
+
+    @classmethod
+    def of(cls, timed: TimedCurve, profile: Profile, points: int) -> CellMotion:
+        """Evaluate ``profile`` at ``points`` times of each piece, both of its ends included."""
+        times, motion = profile.within_pieces(points)
+        middle = profile.at(0.5 * (times[:, 0] + times[:, -1]))[:, 0]
+        piece = np.broadcast_to(timed.pieces_of(middle)[:, None], times.shape)
+        caps = timed.caps(motion, piece, middle) if timed.has_caps else None
+        return cls(timed.motion(motion, piece), caps)
+
+    def uses(self) -> FloatArray:
+        """Return the use of every limit, (n, points, 3, rows): carriages, then the caps if any."""
+        if self.caps is None:
+            return np.abs(self.carriages)
+        speed, acceleration = self.caps.speed, self.caps.acceleration
+        column = np.stack([speed, acceleration, np.zeros_like(speed)], axis=-1)
+        return np.concatenate([np.abs(self.carriages), column[..., None]], axis=-1)
