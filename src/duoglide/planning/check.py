@@ -11,7 +11,7 @@ from duoglide.motion.path import Path
 from duoglide.planning.check_least import least_margins
 from duoglide.planning.check_refusal import assembly_error, refusal
 from duoglide.planning.check_rules import Rules
-from duoglide.planning.check_search import search
+from duoglide.planning.check_search import first_failure
 
 
 def check_path(machine: Machine, path: Path) -> CheckedPath:
@@ -35,9 +35,9 @@ def check_path(machine: Machine, path: Path) -> CheckedPath:
     rounded = round_corners(path)
     curve = rounded.curve.moved(np.subtract(machine.work_frame, machine.tool_offset))
     rules = Rules.of(machine, curve)
-    found = search(rules)
-    if found.failed_at < np.inf:
-        raise refusal(rules, found.failed_at)
+    failure = first_failure(rules)
+    if failure < np.inf:
+        raise refusal(rules, failure)
     if error := assembly_error(machine, curve):
         raise error
     waypoints = rounded.waypoints.tolist()
@@ -45,7 +45,7 @@ def check_path(machine: Machine, path: Path) -> CheckedPath:
         machine=machine,
         path=path,
         curve=curve,
-        report=least_margins(rules, found),
+        report=least_margins(rules),
         waypoints=tuple(waypoints),
         actions=tuple((waypoints[i], action) for i, action in path.actions),
         speed_caps=speed_caps(path, rounded),

@@ -8,26 +8,24 @@ from duoglide.arrays import FloatArray
 from duoglide.kinematics.singularity import FAMILIES, margins
 from duoglide.motion.checked import CheckReport, LeastMargin
 from duoglide.motion.path_segments import as_point
-from duoglide.planning.check_rules import IndexArray, Rules, judge_points
-from duoglide.planning.check_search import Search, first_intervals
+from duoglide.planning.check_rules import Rules, judge_points
+from duoglide.planning.check_search import first_intervals
 
 _LOOKS = np.linspace(-1.0, 1.0, 9)
 
 
-def least_margins(rules: Rules, found: Search) -> CheckReport:
-    """Look closely at where the search has come nearest to breaking each rule."""
-    brackets = np.concatenate([found.where, _surface_brackets(rules)])
+def least_margins(rules: Rules) -> CheckReport:
+    """Sample every piece, then look closely at where each family comes nearest to its bound."""
     names = (*rules.families, *FAMILIES)
-    column = np.repeat(np.arange(len(names)), _LOOKS.size)
-    sigma = (brackets[:, :1] + brackets[:, 1:] * _LOOKS).clip(0.0, rules.curve.end)
-    values = _measure(rules, sigma.ravel(), column).reshape(sigma.shape)
-    vertex = _vertices(sigma, values)
     rows = np.arange(len(names))
-    best = values.argmin(axis=1)
-    least, where = values[rows, best], sigma[rows, best]
-    at_vertex = _measure(rules, vertex, rows)
-    where = np.where(at_vertex < least, vertex, where)
-    least = np.minimum(least, at_vertex)
+    best, spacing = _coarse(rules)
+    sigma = (best[:, None] + spacing[:, None] * _LOOKS).clip(0.0, rules.curve.end)
+    values = _measure(rules, sigma.ravel()).reshape(*sigma.shape, -1)[rows, :, rows]
+    vertex = _vertices(sigma, values)
+    sigma = np.column_stack([sigma, vertex])
+    values = np.column_stack([values, _measure(rules, vertex)[rows, rows]])
+    nearest = values.argmin(axis=1)
+    where, least = sigma[rows, nearest], values[rows, nearest]
     required = np.concatenate([rules.required, np.zeros(len(FAMILIES))])
     lengths, points = rules.curve.arc_length(where), rules.curve.position(where)
     table = zip(names, least, required, where, lengths, points, strict=True)
@@ -39,30 +37,22 @@ def least_margins(rules: Rules, found: Search) -> CheckReport:
     )
 
 
-def _surface_brackets(rules: Rules) -> FloatArray:
-    """Where each singularity family comes nearest, by the first intervals' samples."""
+def _coarse(rules: Rules) -> tuple[FloatArray, FloatArray]:
+    """Where each family is least among the middles and ends of the first intervals."""
     intervals = first_intervals(rules)
-    table = _surfaces(rules, intervals.middle)
-    rows = table.argmin(axis=0)
-    return np.stack([intervals.middle[rows], intervals.half[rows]], axis=1)
+    starts = intervals.middle - intervals.half
+    sigma = np.concatenate([intervals.middle, starts, [rules.curve.end]])
+    spacing = np.concatenate([intervals.half, intervals.half, intervals.half[-1:]])
+    rows = _measure(rules, sigma).argmin(axis=0)
+    return sigma[rows], spacing[rows]
 
 
-def _surfaces(rules: Rules, sigma: FloatArray) -> FloatArray:
-    """Absolute margins of the singularity families, shape (n, families)."""
-    found = margins(rules.machine.geometry, rules.curve.position(sigma)).by_family()
-    return np.stack([np.abs(found[name]) for name in FAMILIES], axis=-1)
-
-
-def _measure(rules: Rules, sigma: FloatArray, column: IndexArray) -> FloatArray:
-    """One margin at each sigma: that of the family in ``column``, not less what is required."""
-    count = len(rules.families)
-    own, others = np.flatnonzero(column < count), np.flatnonzero(column >= count)
-    values = np.empty(sigma.size)
-    table = judge_points(rules, rules.curve.position(sigma[own])) + rules.required
-    values[own] = table[np.arange(own.size), column[own]]
-    table = _surfaces(rules, sigma[others])
-    values[others] = table[np.arange(others.size), column[others] - count]
-    return values
+def _measure(rules: Rules, sigma: FloatArray) -> FloatArray:
+    """Margins of every family, not less what is required, shape (n, families)."""
+    points = rules.curve.position(sigma)
+    found = margins(rules.machine.geometry, points).by_family()
+    surfaces = np.stack([np.abs(found[name]) for name in FAMILIES], axis=-1)
+    return np.concatenate([judge_points(rules, points) + rules.required, surfaces], axis=1)
 
 
 def _vertices(sigma: FloatArray, values: FloatArray) -> FloatArray:

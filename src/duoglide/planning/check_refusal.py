@@ -17,7 +17,7 @@ from duoglide.machine import Machine
 from duoglide.motion.curve import Curve
 from duoglide.motion.path_segments import show
 from duoglide.planning.check_rules import TOUCHING, Rules, judge_points
-from duoglide.planning.check_search import search
+from duoglide.planning.check_search import first_failure
 
 SAMPLES = 1000  # to find how far a rule is broken
 SHIFT_SAMPLES = 60
@@ -192,7 +192,7 @@ def _height(rules: Rules) -> str:
         for exact in fine[passing(fine)][:2]:
             lifted = replace(rules, curve=rules.curve.moved(np.array([0.0, 0.0, exact])))
             assembled = assembly_error(rules.machine, lifted.curve) is None
-            if assembled and search(lifted).failed_at == np.inf:
+            if assembled and first_failure(lifted) == np.inf:
                 return f"{abs(exact):.2f} mm {'higher' if exact > 0.0 else 'lower'} it would pass"
     return ""
 
@@ -209,7 +209,7 @@ def _part(rules: Rules, failed_at: float) -> str:
     order = np.argsort(starts - ends)
     for i in order[:3]:
         part = sigma[starts[i]], sigma[ends[i]]
-        if part[1] > part[0] and search(rules, *part).failed_at == np.inf:
+        if part[1] > part[0] and first_failure(rules, *part) == np.inf:
             low, high = rules.curve.arc_length(np.array(part))
             return f"its part from {low:.2f} to {high:.2f} mm passes as it is"
     return ""
