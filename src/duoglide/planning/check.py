@@ -6,7 +6,8 @@ import numpy as np
 
 from duoglide.machine import Machine
 from duoglide.motion.blending import RoundedPath, round_corners
-from duoglide.motion.checked import CheckedPath, SpeedCap
+from duoglide.motion.checked import CheckedPath, CheckReport, SpeedCap
+from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
 from duoglide.planning.check_least import least_margins
 from duoglide.planning.check_refusal import assembly_error, refusal
@@ -34,22 +35,34 @@ def check_path(machine: Machine, path: Path) -> CheckedPath:
     """
     rounded = round_corners(path)
     curve = rounded.curve.moved(np.subtract(machine.work_frame, machine.tool_offset))
+    report = check_curve(machine, curve)
+    waypoints = rounded.waypoints.tolist()
+    return CheckedPath(
+        machine=machine,
+        path=path,
+        curve=curve,
+        report=report,
+        waypoints=tuple(waypoints),
+        actions=tuple((waypoints[i], action) for i, action in path.actions),
+        speed_caps=speed_caps(path, rounded),
+    )
+
+
+def check_curve(machine: Machine, curve: Curve) -> CheckReport:
+    """Certify a curve of the platform's centre as it is: ``check_path`` with its blends fixed.
+
+    Replay does this, whose curve is in the log and must not move.
+
+    Raises:
+        PathError: The machine cannot follow it.
+    """
     rules = Rules.of(machine, curve)
     failure = first_failure(rules)
     if failure < np.inf:
         raise refusal(rules, failure)
     if error := assembly_error(machine, curve):
         raise error
-    waypoints = rounded.waypoints.tolist()
-    return CheckedPath(
-        machine=machine,
-        path=path,
-        curve=curve,
-        report=least_margins(rules),
-        waypoints=tuple(waypoints),
-        actions=tuple((waypoints[i], action) for i, action in path.actions),
-        speed_caps=speed_caps(path, rounded),
-    )
+    return least_margins(rules)
 
 
 def speed_caps(path: Path, rounded: RoundedPath) -> tuple[SpeedCap, ...]:

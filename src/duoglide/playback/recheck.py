@@ -13,10 +13,7 @@ from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
 from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._certify import certify
-from duoglide.planning.check_least import least_margins
-from duoglide.planning.check_refusal import assembly_error, refusal
-from duoglide.planning.check_rules import Rules
-from duoglide.planning.check_search import search
+from duoglide.planning.check import check_curve
 from duoglide.planning.stopping import stop_bounds
 
 _ALLOWED = 1.001  # use of a limit, as audits allow it
@@ -82,13 +79,7 @@ def _checked(machine: Machine, path: CarriagePath | TransferPath) -> CarriagePat
     if isinstance(path, TransferPath):
         moved = replace(path, machine=machine)
         return replace(moved, least_clearance=certify(machine, moved))
-    rules = Rules.of(machine, path.curve)
-    found = search(rules)
-    if found.failed_at < np.inf:
-        raise refusal(rules, found.failed_at)
-    if error := assembly_error(machine, path.curve):
-        raise error
-    report = least_margins(rules, found)
+    report = check_curve(machine, path.curve)
     return map_to_carriages(replace(path.checked, machine=machine, report=report))
 
 
