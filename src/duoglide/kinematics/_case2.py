@@ -101,10 +101,10 @@ class Case2Curve:
             row, cell = _candidates(piece, X, Z, limit)
             if row.size == 0:
                 continue
-            found = self._refine(piece, cell, X[row], Z[row])
-            for i in np.argsort(-found[0], kind="stable"):  # the nearest of a row is written last
-                if found[0][i] < limit[row[i]]:
-                    distance[row[i]], away_x[row[i]], away_z[row[i]] = (f[i] for f in found)
+            found = np.stack(self._refine(piece, cell, X[row], Z[row]))
+            order = np.argsort(-found[0], kind="stable")  # the nearest of a row is written last
+            order = order[found[0, order] < limit[row[order]]]
+            distance[row[order]], away_x[row[order]], away_z[row[order]] = found[:, order]
         return distance, away_x, away_z
 
     def _refine(
@@ -115,18 +115,21 @@ class Case2Curve:
         low = piece.delta[np.maximum(cell - 1, 0)]
         high = piece.delta[np.minimum(cell + 1, last)]
         delta = piece.delta[cell]
+        active = np.arange(delta.size)
         for _ in range(STEPS):
-            cx, cz, tx, tz, bx, bz = self.point(delta)
-            slope = (cx - X) * tx + (cz - Z) * tz
-            bend = tx * tx + tz * tz + (cx - X) * bx + (cz - Z) * bz
-            high = np.where(slope > 0.0, delta, high)
-            low = np.where(slope > 0.0, low, delta)
-            newton = delta - slope / np.where(bend > 0.0, bend, inf)
-            inside = (newton > low) & (newton < high) & (bend > 0.0)
-            following = np.where(inside, newton, 0.5 * (low + high))
-            moved = np.abs(following - delta) * np.hypot(tx, tz)
-            delta = following
-            if moved.max() < 1e-9 * self.l6:
+            here = delta[active]
+            cx, cz, tx, tz, bx, bz = self.point(here)
+            dx, dz = cx - X[active], cz - Z[active]
+            slope = dx * tx + dz * tz
+            bend = tx * tx + tz * tz + dx * bx + dz * bz
+            high[active] = np.where(slope > 0.0, here, high[active])
+            low[active] = np.where(slope > 0.0, low[active], here)
+            newton = here - slope / np.where(bend > 0.0, bend, inf)
+            inside = (newton > low[active]) & (newton < high[active])
+            following = np.where(inside, newton, 0.5 * (low[active] + high[active]))
+            delta[active] = following
+            active = active[np.abs(following - here) * np.hypot(tx, tz) > 1e-9 * self.l6]
+            if active.size == 0:
                 break
         cx, cz, tx, tz, *_ = self.point(delta)
         length = np.hypot(tx, tz)
