@@ -12,7 +12,7 @@ from math import floor
 
 from duoglide.drives import pdo
 from duoglide.drives.application import AxisApplication
-from duoglide.drives.node_objects import NodeObjects
+from duoglide.drives.node_objects import NodeObjects, read_variables
 from duoglide.drives.node_pdo import ProcessData
 from duoglide.drives.pdo import Nmt, NmtState
 from duoglide.drives.plant import Plant
@@ -53,16 +53,17 @@ class DriveNode:
         self.state = NmtState.BOOT_UP
         self.send: Send = _nowhere
         self._make_axis = make_axis
+        self._variables = read_variables(node_id)
         self._boot_wait = 0.0  # [us]
-        self._sdo_queue: list[tuple[float, bytes]] = []
         self._clock = 0  # [us]
         self._power_up()
 
     def _power_up(self) -> None:
         self.axis = self._make_axis()
-        self.objects = NodeObjects(self.node_id, self.axis)
+        self.objects = NodeObjects(self._variables, self.axis)
         self.process_data = ProcessData(self.objects, self.axis, self.node_id)
         self._sdo = SdoServer(self.objects, self._reply)
+        self._sdo_queue: list[tuple[float, bytes]] = []  # when to serve, request
         self._zero = self.plant.position  # the encoder counts from where it was switched on
         self._heartbeat_age = 0
         self.state = NmtState.BOOT_UP

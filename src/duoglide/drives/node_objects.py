@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from duoglide.drives.application import AxisApplication
@@ -25,19 +26,24 @@ _LIVE = {0x2010, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C, 0x60F4, 0x60FD}
 _MOST_ERRORS = 4  # 0x1003
 
 
+def read_variables(node_id: int) -> dict[tuple[int, int], ODVariable]:
+    """Return every variable of the EDS by index and sub-index."""
+    entries = object_dictionary(node_id).values()
+    variables = (v for e in entries for v in (e.values() if hasattr(e, "values") else (e,)))
+    return {(v.index, v.subindex): v for v in variables}
+
+
 class NodeObjects:
     """All objects of a drive; those of the application are passed on to it."""
 
-    def __init__(self, node_id: int, axis: AxisApplication) -> None:
+    def __init__(
+        self, variables: Mapping[tuple[int, int], ODVariable], axis: AxisApplication
+    ) -> None:
         self._axis = axis
-        self._values: dict[tuple[int, int], int | str] = {}
         self._errors: list[int] = []
-        self.variables: dict[tuple[int, int], ODVariable] = {}
-        for entry in object_dictionary(node_id).values():
-            for variable in entry.values() if hasattr(entry, "values") else (entry,):
-                self.variables[variable.index, variable.subindex] = variable
-        self._defaults = {key: v.default for key, v in self.variables.items()}
-        self._values = dict(self._defaults)
+        self.variables = variables
+        self._defaults = {key: v.default for key, v in variables.items()}
+        self._values: dict[tuple[int, int], int | str] = dict(self._defaults)
         self.map_changed = True  # somebody has to look at the PDO parameters again
 
     def override(self, index: int, sub: int, value: int | str) -> None:

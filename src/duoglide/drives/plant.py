@@ -44,6 +44,8 @@ class Plant:
 
     def drive(self, demand: float, speed: float, seconds: float) -> None:
         """Let the servo pull towards a demand [mm] that moves at ``speed`` [mm/s]."""
+        if self._stuck():
+            return
         p = self.parameters
         rate = 2.0 * pi * p.bandwidth
         stiffness, friction = rate * rate, 2.0 * p.damping * rate
@@ -51,15 +53,16 @@ class Plant:
         dt = seconds / steps
         most = p.greatest_acceleration
         for _ in range(steps):
-            demand += speed * dt
             pull = stiffness * (demand - self.position)
             pull += friction * (p.velocity_feedforward * speed - self.velocity)
             self.velocity += min(max(pull, -most), most) * dt
             self.position += self.velocity * dt
-        self._hold_if_jammed(seconds)
+            demand += speed * dt
 
     def coast(self, brake_set: bool, seconds: float) -> None:
         """Let the carriage run out without power."""
+        if self._stuck():
+            return
         p = self.parameters
         loss = p.coasting_deceleration + (p.brake_deceleration if brake_set else 0.0)
         before = self.velocity
@@ -69,9 +72,9 @@ class Plant:
         else:
             self.velocity -= loss * seconds if before > 0.0 else -loss * seconds
             self.position += 0.5 * (before + self.velocity) * seconds
-        self._hold_if_jammed(seconds)
 
-    def _hold_if_jammed(self, seconds: float) -> None:
-        if self.jammed:  # something stands in the way
-            self.position -= self.velocity * seconds
+    def _stuck(self) -> bool:
+        """Whether something stands in the way; then the carriage stands too."""
+        if self.jammed:
             self.velocity = 0.0
+        return self.jammed

@@ -13,7 +13,7 @@ from duoglide.drives.buses import BusKind, open_bus, parse_bus
 from duoglide.drives.faults import Injection
 from duoglide.drives.hub import Hub
 from duoglide.drives.rack import DriveRack
-from duoglide.drives.simulated import build_rack, serve_drives
+from duoglide.drives.simulated import DISMISS, build_rack, serve_drives
 from duoglide.errors import BusError
 
 _LINGER = 10.0  # how long to stay for those still connected once the parent is gone [s]
@@ -26,6 +26,7 @@ class _Control:
         self._pipe = pipe
         self._rack = rack
         self.ended_at: float | None = None
+        self.dismissed = False  # asked to end, as against abandoned
 
     def look(self) -> None:
         """Deal with what has come."""
@@ -41,6 +42,8 @@ class _Control:
         if isinstance(request, Injection):
             request.apply(self._rack.nodes[request.axis - 1])
             self._pipe.send(None)
+        elif request == DISMISS:
+            self.dismissed = True
         else:
             self._pipe.send(self._rack.snapshot())
 
@@ -75,15 +78,14 @@ def main(descriptor: int) -> None:
 
 
 def _serve_hub(rack: DriveRack, control: _Control, pipe: Connection) -> None:
-    parent = os.getppid()
     with Hub(rack) as hub:
         hub.watch(pipe.fileno(), control.look)
         pipe.send(hub.address)
         while control.ended_at is None:
             hub.turn()
         hub.forget(pipe.fileno())
-        orphaned = os.getppid() != parent  # its streamer may still be stopping the machine
-        while orphaned and hub.clients and time.monotonic() - control.ended_at < _LINGER:
+        abandoned = not control.dismissed  # then its streamer may still be stopping the machine
+        while abandoned and hub.clients and time.monotonic() - control.ended_at < _LINGER:
             hub.turn()
 
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from duoglide.drives.buses import frame_sender, parse_bus
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 _START_PATIENCE = 20.0  # how long the process may take to come up [s]
 _ANSWER_PATIENCE = 5.0
+DISMISS = "dismiss"  # the last thing in the pipe, if all goes well
 
 
 def build_rack(
@@ -163,7 +165,9 @@ class SimulatedDrives:
 
     def close(self) -> None:
         """End the process."""
-        self._pipe.close()  # which it notices
+        with suppress(OSError):  # it may have ended by itself
+            self._pipe.send(DISMISS)
+        self._pipe.close()
         try:
             self._process.wait(2.0)
         except subprocess.TimeoutExpired:

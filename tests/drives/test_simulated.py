@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import can
+import pytest
+
+from duoglide.drives import faults, pdo
+from duoglide.drives.buses import open_bus
+from duoglide.drives.cia402 import State
+from duoglide.drives.plant import PlantParameters
+from duoglide.drives.simulated import SimulatedDrives, build_rack, serve_drives
+from duoglide.errors import BusError
+from duoglide.machine import DriveSettings
+
+PARENT = """
+import sys, time
+from duoglide.drives.simulated import SimulatedDrives
+from duoglide.machine import DriveSettings
+with SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0)) as drives:
+    print(drives.pid, drives.address, flush=True)
+    time.sleep(60)
+"""
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+
+
+def wait_for_end(pid: int, patience: float) -> None:
+    deadline = time.monotonic() + patience
+    while alive(pid):
+        assert time.monotonic() < deadline, "the drives outlive their parent"
+        time.sleep(0.02)
+
+
+def test_the_handle_ends_the_process() -> None:
+    with SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0)) as drives:
+        assert drives.address.startswith("socketcand:127.0.0.1:")
+        pid = drives.pid
+        assert alive(pid)
+    assert not alive(pid)
+
+
+def test_the_drives_end_with_a_killed_parent_once_nobody_is_connected() -> None:
+    parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    try:
+        pid, address = parent.stdout.readline().split()
+        with open_bus(address) as bus:
+            parent.kill()
+            parent.wait()
+            time.sleep(0.3)
+            bus.send(can.Message(arbitration_id=0, data=b"\x81\x01", is_extended_id=False))
+            heard = bus.recv(1.0)  # the drives are there as long as someone is
+            assert heard is not None
+            assert heard.arbitration_id == 0x701
+        wait_for_end(int(pid), 3.0)
+    finally:
+        parent.kill()
+        parent.wait()
+        parent.stdout.close()
+
+
+def test_an_interrupt_at_the_terminal_is_the_parents_business() -> None:
+    with SimulatedDrives(DriveSettings(), (1.0, 2.0, 3.0)) as drives:
+        os.kill(drives.pid, signal.SIGINT)
+        assert [s.position for s in drives.snapshot()] == [1.0, 2.0, 3.0]
+
+
+def test_a_bus_that_cannot_be_served_is_a_bus_error() -> None:
+    with (
+        pytest.raises(BusError, match="socketcan:nocan0"),
+        SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0), bus="socketcan:nocan0"),
+    ):
+        pass
+    with pytest.raises(BusError, match="unknown bus"):
+        SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0), bus="nonsense")
+
+
+def test_drives_can_be_served_on_udp_from_another_process() -> None:
+    name = "udp:239.74.163.78:43178"
+    with SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0), bus=name), open_bus(name) as bus:
+        bus.send(can.Message(arbitration_id=0, data=b"\x81\x00", is_extended_id=False))
+        heard = {m.arbitration_id for _ in range(4) if (m := bus.recv(2.0)) is not None}
+        assert heard == {0, 0x701, 0x702, 0x703}  # on multicast one hears oneself
+
+
+def test_what_is_injected_has_happened_when_the_call_returns() -> None:
+    with SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0)) as drives:
+        drives.inject(faults.DeviceFault(2))
+        states = [snapshot.state for snapshot in drives.snapshot()]
+    assert states == [State.SWITCH_ON_DISABLED, State.FAULT, State.SWITCH_ON_DISABLED]
+
+
+def test_drives_in_this_process_answer_on_an_open_bus() -> None:
+    plants = [PlantParameters(bandwidth=50.0)] * 3
+    rack = build_rack(DriveSettings(node_ids=(4, 5, 6)), (0.0, 0.0, 0.0), plants)
+    done = threading.Event()
+    with open_bus("inprocess:served") as theirs, open_bus("inprocess:served") as ours:
+        thread = threading.Thread(target=serve_drives, args=(theirs, rack, done.is_set))
+        thread.start()
+        try:
+            heard = {m.arbitration_id for _ in range(3) if (m := ours.recv(2.0)) is not None}
+            assert heard == {pdo.HEARTBEAT + node for node in (4, 5, 6)}
+        finally:
+            done.set()
+            thread.join()
