@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import hypot
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -46,7 +47,7 @@ def as_speed(value: float | None, name: str = "speed [mm/s]") -> float | None:
 
 def distance(a: Point, b: Point) -> float:
     """Return the distance between two points [mm]."""
-    return float(np.hypot(np.hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]))
+    return hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def show(point: Point | FloatArray) -> str:
@@ -62,11 +63,18 @@ class Line:
         start: Where it begins [mm].
         end: Where it ends [mm].
         speed: Cap on the tool's speed along it [mm/s]; None: no cap.
+
+    Raises:
+        InputError: The ends coincide.
     """
 
     start: Point
     end: Point
     speed: float | None = None
+
+    def __post_init__(self) -> None:
+        if distance(self.start, self.end) < COINCIDENT:
+            raise InputError(f"line: both ends coincide at {show(self.start)} mm")
 
     @property
     def points(self) -> tuple[Point, ...]:

@@ -18,7 +18,6 @@ from duoglide.motion.path_segments import (
     Spline,
     as_point,
     as_speed,
-    require_apart,
 )
 from duoglide.planning.path_builder import PathBuilder
 from duoglide.planning.pick_and_place import pick_and_place
@@ -71,9 +70,8 @@ def _add(builder: PathBuilder, move: Mapping[str, Any], tolerance: float) -> Non
 
 
 def _line(builder: PathBuilder, move: Mapping[str, Any]) -> None:
-    ends = _place(builder), as_point(move["to"], "to")
-    require_apart(as_triples(ends, "line"))
-    builder.add(Line(*ends, as_speed(move.get("speed"))), move["tolerance"])
+    to = as_point(move["to"], "to")
+    builder.add(Line(_place(builder), to, as_speed(move.get("speed"))), move["tolerance"])
 
 
 def _arc(builder: PathBuilder, move: Mapping[str, Any]) -> None:

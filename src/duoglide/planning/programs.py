@@ -71,7 +71,7 @@ from duoglide.planning.path_builder import PathBuilder
 from duoglide.planning.program_toml import read_toml
 
 GCODE = (".nc", ".ngc", ".gcode", ".gco", ".tap", ".cnc")
-_COLUMNS = ("x", "y", "z", "speed")
+_COLUMNS = ["x", "y", "z", "speed"]
 
 
 def read_program(file: str | os.PathLike[str], tolerance: float = 0.0) -> Path:
@@ -109,13 +109,13 @@ def read_csv(text: str, tolerance: float = 0.0) -> Path:
         InputError: Names the line and what is wrong with it.
     """
     rows: list[tuple[int, Point, float | None]] = []
+    headers = [_COLUMNS, _COLUMNS[:3]]
     for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
         fields = [field.strip() for field in line.replace(";", ",").split(",")]
-        is_header = not rows and tuple(field.lower() for field in fields) in (
-            _COLUMNS,
-            _COLUMNS[:3],
-        )
-        if not line.strip() or line.lstrip().startswith("#") or is_header:
+        if [field.lower() for field in fields] in headers:
+            headers.clear()  # there is but one
             continue
         try:
             rows.append((number, *_row(fields)))
