@@ -102,6 +102,7 @@ def open_axes(machine: Machine, bus: str) -> Iterator[tuple[Axis, ...]]:
     opened = open_bus(bus, machine.drives.bit_rate)
     opened.set_filters([{"can_id": i, "can_mask": 0x780, "extended": False} for i in _LISTENS])
     network = canopen.Network(opened)
+    network.NOTIFIER_CYCLE = 0.02  # what disconnecting waits for; a second by default
     try:
         network.connect()
         yield tuple(Axis(network, machine.drives, number) for number in range(1, AXES + 1))
