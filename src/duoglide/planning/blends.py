@@ -8,16 +8,16 @@ the whole tolerance, as far as the segments are long enough.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import exp, inf, log
+from math import exp, inf, log, sqrt
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
 from duoglide.errors import PathError, SingularityError, UnreachableError
 from duoglide.machine import Machine
-from duoglide.motion.blend import Blend, nearest, quintics
+from duoglide.motion.blend import Blend
 from duoglide.motion.blending import RoundedPath, round_corners
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import Line
@@ -29,12 +29,14 @@ _START = (0.9, 0.5)  # of the search: balance and shape
 _STEPS = (0.25, 0.05)  # first steps of log balance and of shape
 _SHAPES = (0.3, 0.7)
 _BALANCES = (0.2, 1.0)
-_HALVINGS = 2
+_HALVINGS = 1
 _CELLS = 32
 _MOST_CORNERS = 40  # for more of them no trials are made
 _EXACT = 1e-9  # relative, to which a tolerance is used, from below
-_CUTS = np.linspace(0.0, 1.0, 17)[1:]
-_NARROWINGS = 8
+_HALVINGS_OF_CUT = 26
+_COARSE = 16  # parts of a blend in which its nearest point is looked for
+_GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
+_GOLDEN_STEPS = 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,16 +58,14 @@ class _Corner:
 
     Attributes:
         index: In ``Path.corners``.
-        before: Direction of the line before it.
-        after: Direction of the line after it.
+        cosine: Of the angle by which the path turns.
         tolerance: [mm].
         room: Longest cut-back before and after it [mm].
         short_first: Whether the line before it is the shorter one.
     """
 
     index: int
-    before: FloatArray
-    after: FloatArray
+    cosine: float
     tolerance: float
     room: tuple[float, float]
     short_first: bool
@@ -73,38 +73,46 @@ class _Corner:
     def blend(self, style: Style) -> Blend:
         """Return the blend of a style that uses the whole tolerance, or the room that there is."""
         balance = style.balance if self.short_first else 1.0 / style.balance
-        whole = self._deviations(np.array([balance]), np.array([1.0]), style.shape)[0]
-        scale = (1.0 - _EXACT) * self.tolerance / whole
+        scale = (1.0 - _EXACT) * self.tolerance / self._deviation(balance, 1.0, style.shape)
         before, after = balance * scale, scale
         if before > self.room[0]:
             before = self.room[0]
-            after = self._longest(before, style.shape, first=True)
+            after = self._longest(lambda cut: self._deviation(before, cut, style.shape), after)
         if after > self.room[1]:
             after = self.room[1]
-            before = min(self.room[0], self._longest(after, style.shape, first=False))
+            longest = self._longest(lambda cut: self._deviation(cut, after, style.shape), before)
+            before = min(self.room[0], longest)
         return Blend(before, after, style.shape)
 
-    def _longest(self, given: float, shape: float, *, first: bool) -> float:
-        """Return the longest cut-back beside a given one that keeps the tolerance."""
-        room = self.room[1] if first else self.room[0]
-        low, high = 0.0, room
-        for _ in range(_NARROWINGS):
-            others = low + (high - low) * _CUTS
-            same = np.full(others.size, given)
-            before, after = (same, others) if first else (others, same)
-            over = self._deviations(before, after, shape) > self.tolerance * (1.0 - _EXACT)
-            if not over.any():
-                return float(others[-1])
-            k = int(np.argmax(over))
-            low, high = (float(others[k - 1]) if k else low), float(others[k])
-        return low if low > 0.0 else high
+    def _longest(self, deviation: Callable[[float], float], least: float) -> float:
+        """Return the longest cut-back that keeps the tolerance; it is at least about ``least``."""
+        goal = self.tolerance * (1.0 - _EXACT)
+        low, high = 0.5 * least, max(*self.room, least)
+        if deviation(high) <= goal:
+            return high
+        for _ in range(_HALVINGS_OF_CUT):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if deviation(middle) <= goal else (low, middle)
+        return low
 
-    def _deviations(self, before: FloatArray, after: FloatArray, shape: float) -> FloatArray:
-        zero = np.zeros((before.size, 3))
-        left = np.stack([-before[:, None] * self.before, zero + self.before, zero], axis=1)
-        right = np.stack([after[:, None] * self.after, zero + self.after, zero], axis=1)
-        spans = 5.0 * shape * np.minimum(before, after)
-        return nearest(quintics(left, right, spans), zero)[1]
+    def _deviation(self, before: float, after: float, shape: float) -> float:
+        """Return how far the corner is from the blend of two lines [mm]."""
+        way = 5.0 * shape * min(before, after)
+
+        def at(u: float) -> float:
+            """Square of the distance at ``u``, by the blend's parts along both lines."""
+            v = 1.0 - u
+            fade, rise = v * v * v, u * u * u
+            x = fade * (before * (1.0 + u * (3.0 + 6.0 * u)) - way * u * (1.0 + 3.0 * u))
+            y = rise * (after * (1.0 + v * (3.0 + 6.0 * v)) - way * v * (1.0 + 3.0 * v))
+            return x * x + y * y - 2.0 * self.cosine * x * y
+
+        best = min(range(1, _COARSE), key=lambda k: at(k / _COARSE))
+        low, high = (best - 1) / _COARSE, (best + 1) / _COARSE
+        for _ in range(_GOLDEN_STEPS):
+            a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+            low, high = (low, b) if at(a) < at(b) else (a, high)
+        return sqrt(at(0.5 * (low + high)))
 
 
 def choose_blends(machine: Machine, path: Path) -> Path:
@@ -139,10 +147,9 @@ def _open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
         lengths = [float(np.linalg.norm(way)) for way in ways]
         beside = [0 <= k < len(blends) and blends[k] is not None for k in (i - 1, i + 1)]
         room = [way * (0.5 if two else 1.0) for way, two in zip(lengths, beside, strict=True)]
-        units = [way / length for way, length in zip(ways, lengths, strict=True)]
-        found.append(
-            _Corner(i, units[0], units[1], tolerance, (room[0], room[1]), lengths[0] <= lengths[1])
-        )
+        cosine = float(ways[0] @ ways[1]) / (lengths[0] * lengths[1])
+        first = lengths[0] <= lengths[1]
+        found.append(_Corner(i, cosine, tolerance, (room[0], room[1]), first))
     return found
 
 

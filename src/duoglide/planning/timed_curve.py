@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.model import inverse_derivatives
+from duoglide.errors import UnreachableError
+from duoglide.kinematics._kernels import Constants, pose_constants
+from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.checked import SpeedCap
 from duoglide.motion.curve import Curve
 from duoglide.motion.profile import Profile
+from duoglide.planning import _motion_kernel
 
 _NO_CAP = 1e12  # mm/s
 _SIDES = 8  # pairs of opposite sides of the polygon that stands for a circle
@@ -88,9 +91,14 @@ class TimedCurve:
         apart = np.abs(others[:, None] - breaks).min(axis=1, initial=np.inf) > 1e-6
         return np.union1d(breaks, others[apart])
 
-    def carriages(self, sigma: FloatArray, piece: Any) -> FloatArray:
-        """Return the carriages and three derivatives by sigma, (..., 4, 3)."""
-        return inverse_derivatives(self.machine.geometry, self.curve.derivatives(sigma, piece))
+    @cached_property
+    def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        curve = self.curve
+        return curve.breaks, curve.spans, curve.rates, curve.coefficients
+
+    @cached_property
+    def _constants(self) -> Constants:
+        return pose_constants(self.machine.geometry, WORKING)
 
     def motion(self, motion: FloatArray, piece: Any) -> FloatArray:
         """Differentiate the carriages by time, as shares of their limits.
@@ -101,14 +109,19 @@ class TimedCurve:
 
         Returns:
             Velocity, acceleration and jerk over their limits, shape (..., 3, 3), carriages last.
+
+        Raises:
+            UnreachableError: The curve leaves reach, as only an unchecked one can.
         """
-        sigma, v, a, j = (motion[..., k, None] for k in range(4))
-        q = self.carriages(sigma[..., 0], piece)
-        q1, q2, q3 = q[..., 1, :], q[..., 2, :], q[..., 3, :]
-        square = v * v
-        result: FloatArray = np.stack(
-            [q1 * v, q1 * a + q2 * square, q1 * j + (3.0 * q2 * a + q3 * square) * v], axis=-2
+        shape = motion.shape[:-1]
+        result = np.empty((*shape, 3, 3))
+        rows = np.ascontiguousarray(motion).reshape(-1, 4)
+        pieces = np.broadcast_to(piece, shape).ravel()
+        lost = _motion_kernel.carriage_motion(
+            self._arrays, self._constants, rows, pieces, result.reshape(-1, 3, 3)
         )
+        if lost >= 0:
+            raise UnreachableError(f"the curve is out of reach at sigma = {rows[lost, 0]:.6g} mm")
         return result / self.limits
 
     def caps(self, motion: FloatArray, piece: Any, middle: FloatArray) -> CapUse:

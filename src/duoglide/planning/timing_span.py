@@ -151,7 +151,10 @@ class _Search:
 def _first_motion(timed: TimedCurve, start: float, end: float, inner: FloatArray) -> Profile:
     """Return a motion with constant bounds that about fit the first derivatives everywhere."""
     sigma = np.unique(np.concatenate([np.linspace(start, end, 65), inner]))
-    slopes = np.abs(timed.carriages(sigma, timed.pieces_of(sigma))[:, 1, :])
+    unit = np.zeros((sigma.size, 4))
+    unit[:, 0], unit[:, 1] = sigma, 1.0
+    use = np.abs(timed.motion(unit, timed.pieces_of(sigma))[:, 0])  # of velocity, at 1 mm/s
+    slopes = use * timed.limits[0]
     largest = np.maximum(slopes, 1e-12 * slopes.max()).max(axis=0)
     bounds = (timed.limits / largest).min(axis=1)
     return seven_phases(start, end, (bounds[0], bounds[1], bounds[2]))

@@ -1,0 +1,111 @@
+"""The carriages of a motion along a curve, compiled: what the search for a timing asks for most.
+
+The same as ``CarriagePath.derivatives`` and the chain rule; a test holds the two together.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from duoglide.arrays import FloatArray
+from duoglide.motion import carriage_path
+
+_root = njit(cache=True)(carriage_path._root)  # one formula, one place
+
+
+def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArray) -> None:
+    """Write position and three derivatives by sigma of one piece of a curve, (4, 3)."""
+    for axis in range(3):
+        if rate > 0.0:
+            cosine = cos(rate * local)
+            sine = sin(rate * local)
+            radial = c[1, axis] * cosine + c[2, axis] * sine
+            along = (c[2, axis] * cosine - c[1, axis] * sine) * rate
+            out[0, axis] = c[0, axis] + radial
+            out[1, axis] = along
+            out[2, axis] = -radial * rate * rate
+            out[3, axis] = -along * rate * rate
+            continue
+        u = local / span
+        p, d1, d2, d3 = c[-1, axis], 0.0, 0.0, 0.0
+        for k in range(c.shape[0] - 2, -1, -1):
+            d3 = d3 * u + d2
+            d2 = d2 * u + d1
+            d1 = d1 * u + p
+            p = p * u + c[k, axis]
+        w = 1.0 / span
+        out[0, axis] = p
+        out[1, axis] = d1 * w
+        out[2, axis] = d2 * (2.0 * w * w)
+        out[3, axis] = d3 * (6.0 * w * w * w)
+
+
+point = njit(cache=True)(_point)
+
+
+def _carriages(r: FloatArray, constants: Any, q: FloatArray) -> bool:
+    """Write the carriages and three derivatives, (4, 3); return whether the point is in reach."""
+    cx, base, l6, l2, half, xb, zb, l9, v, w1, w2, w3 = constants
+    u = r[0, 0] - cx
+    x = r[0, 0] - xb
+    z = r[0, 2] - zb
+    if abs(u) >= l6 or x * x + z * z >= l9 * l9:
+        return False
+    none = (0.0, 0.0, 0.0, 0.0)
+    dx = (u, r[1, 0], r[2, 0], r[3, 0])
+    a = _root(v * sqrt((l6 - u) * (l6 + u)), dx, none)
+    h = (r[0, 2] - base - a[0], r[1, 2] - a[1], r[2, 2] - a[2], r[3, 2] - a[3])
+    if abs(h[0]) >= l2:
+        return False
+    p = _root(sqrt((l2 - h[0]) * (l2 + h[0])), h, none)
+    across = (x, r[1, 0], r[2, 0], r[3, 0])
+    up = (z, r[1, 2], r[2, 2], r[3, 2])
+    s = _root(sqrt(l9 * l9 - (x * x + z * z)), across, up)
+    for k in range(4):
+        shift = half if k == 0 else 0.0
+        q[k, 0] = r[k, 1] - shift + w1 * p[k]
+        q[k, 1] = r[k, 1] + shift + w2 * p[k]
+        q[k, 2] = r[k, 1] + w3 * s[k]
+    return True
+
+
+carriages = njit(cache=True)(_carriages)
+
+
+def _carriage_motion(
+    curve: Any, constants: Any, motion: FloatArray, piece: Any, out: FloatArray
+) -> int:
+    """Differentiate the carriages by time.
+
+    Args:
+        curve: Breaks, spans, rates and coefficients, as in ``Curve``.
+        constants: As ``pose_constants`` gives them.
+        motion: Sigma and its three time derivatives, (n, 4).
+        piece: Piece of the curve that each belongs to, (n,).
+        out: Velocity, acceleration and jerk of the carriages, (n, 3, 3), carriages last.
+
+    Returns:
+        The first row that is out of reach, -1 where none is.
+    """
+    breaks, spans, rates, coefficients = curve
+    r = np.empty((4, 3))
+    q = np.empty((4, 3))
+    for i in range(piece.size):
+        k = piece[i]
+        point(motion[i, 0] - breaks[k], spans[k], rates[k], coefficients[k], r)
+        if not carriages(r, constants, q):
+            return i
+        v = motion[i, 1]
+        a = motion[i, 2]
+        for j in range(3):
+            out[i, 0, j] = q[1, j] * v
+            out[i, 1, j] = q[1, j] * a + q[2, j] * v * v
+            out[i, 2, j] = q[1, j] * motion[i, 3] + (3.0 * q[2, j] * a + q[3, j] * v * v) * v
+    return -1
+
+
+carriage_motion = njit(cache=True)(_carriage_motion)
