@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,38 +9,18 @@ import numpy as np
 
 from duoglide.arrays import AXES, FloatArray
 from duoglide.errors import LogError
-from duoglide.storage.atomic import appearing
+from duoglide.viewer.plots_style import COLOURS, LIMIT, figure_file
+from duoglide.viewer.plots_workspace import draw_section
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from duoglide.machine import Machine
     from duoglide.motion.checked import CheckedPath
     from duoglide.motion.trajectory import Trajectory
     from duoglide.playback.run_data import RunData
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73")  # carriages 1 to 3, told apart by everybody
-LIMIT = "#7f7f7f"
 _SAMPLES = 2000
-_STYLE: dict[str, Any] = {
-    "font.family": "sans-serif",
-    "font.size": 8.5,
-    "axes.titlesize": 9.0,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "grid.color": "#e6e6e6",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "lines.linewidth": 1.3,
-    "savefig.dpi": 200,
-    "figure.constrained_layout.use": True,
-}
 
 
 def draw_path(checked: CheckedPath, file: str | Path) -> None:
@@ -62,42 +40,16 @@ def draw_path(checked: CheckedPath, file: str | Path) -> None:
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     room = clearance(checked.machine.geometry, points)
-    with _figure((7.0, 5.6), file) as figure:
+    with figure_file((7.0, 5.6), file) as figure:
         rows = figure.subplot_mosaic("aa;bc", height_ratios=(1.0, 1.6), width_ratios=(1.25, 1.0))
         rows["a"].plot(points[:, 1], points[:, 2], color=COLOURS[0])
         rows["a"].plot(*points[[0, -1], 1:].T, ".", color=COLOURS[0], markersize=6.0)
         rows["a"].set_aspect("equal", adjustable="datalim")
         rows["a"].set(title="Along the rails", xlabel="y [mm]", ylabel="z [mm]")
-        _section(rows["b"], checked.machine, points)
+        draw_section(rows["b"], checked.machine, points)
         rows["c"].plot(along, room, color=COLOURS[0])
         rows["c"].axhline(checked.machine.clearance, color=LIMIT, linestyle="--", linewidth=1.0)
         rows["c"].set(title="Clearance [mm]", xlabel="along the path [mm]", ylim=(0.0, None))
-
-
-def _section(axes: Axes, machine: Machine, points: FloatArray) -> None:
-    """Draw the path across the rails over the clearance there, which does not depend on y."""
-    from duoglide.kinematics.model import reachable
-    from duoglide.kinematics.singularity import clearance
-
-    geometry = machine.geometry
-    wide = geometry.arm_length + geometry.platform_half_width + geometry.rail_half_spacing
-    x = np.linspace(points[:, 0].min() - wide, points[:, 0].max() + wide, 181)
-    high = geometry.carriage_height + geometry.strut_length + geometry.strut_drop
-    z = np.linspace(0.0, max(high * 1.05, points[:, 2].max() + 10.0), 161)
-    grid = np.stack(np.broadcast_arrays(x[None, :], points[0, 1], z[:, None]), axis=-1)
-    within = reachable(geometry, grid)
-    room = np.full(within.shape, np.nan)
-    room[within] = clearance(geometry, grid[within])
-    shown = np.where(room >= machine.clearance, room, np.nan)
-    drawn = axes.contourf(x, z, shown, levels=12, cmap="Greys", alpha=0.8, antialiased=False)
-    axes.figure.colorbar(drawn, ax=axes, label="clearance [mm]")
-    axes.plot(points[:, 0], points[:, 2], color=COLOURS[1], linewidth=2.0)
-    axes.plot(*points[[0, -1]][:, ::2].T, ".", color=COLOURS[1], markersize=6.0)
-    columns, lines = np.flatnonzero(within.any(axis=0)), np.flatnonzero(within.any(axis=1))
-    axes.set(xlim=x[columns[[0, -1]]], ylim=z[lines[[0, -1]]])
-    axes.set_aspect("equal", adjustable="box")
-    axes.set(title="Across the rails", xlabel="x [mm]", ylabel="z [mm]")
-    axes.grid(visible=False)
 
 
 def draw_plan(trajectory: Trajectory, file: str | Path) -> None:
@@ -113,7 +65,7 @@ def draw_plan(trajectory: Trajectory, file: str | Path) -> None:
     times = np.linspace(0.0, trajectory.duration, _SAMPLES)
     state = trajectory.at(times)
     limits = trajectory.machine.limits
-    with _figure((7.0, 7.4), file) as figure:
+    with figure_file((7.0, 7.4), file) as figure:
         rows = figure.subplots(4, 1, sharex=True)
         _carriages(rows[0], times, state.carriages, trajectory.machine)
         for axes, values, limit, title, scale, unit in (
@@ -144,7 +96,7 @@ def draw_run(data: RunData, trajectory: Trajectory, file: str | Path) -> None:
     planned = trajectory.at(data.path_time)
     velocity = planned.velocity * np.where(data.on_program, data.rate, 0.0)[:, None] / 1e3
     limits = trajectory.machine.limits.velocity / 1e3
-    with _figure((7.0, 6.0), file) as figure:
+    with figure_file((7.0, 6.0), file) as figure:
         rows = figure.subplots(3, 1, sharex=True)
         _carriages(rows[0], times, data.actual_mm, data.machine)
         _limited(rows[1], times, velocity, limits, "Velocity [m/s]")
@@ -183,22 +135,3 @@ def _finish(rows: Any, label: str) -> None:
     rows[-1].set_xlabel(label)
     for axes in rows:
         axes.margins(x=0.01, y=0.1)
-
-
-@contextmanager
-def _figure(size: tuple[float, float], file: str | Path) -> Iterator[Figure]:
-    """Give an empty figure, and save it when it is drawn; no window, no global state."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=size)
-        FigureCanvasAgg(figure)
-        yield figure
-        suffix = Path(file).suffix.removeprefix(".")
-        known = figure.canvas.get_supported_filetypes()
-        if suffix not in known:
-            raise LogError(f"{file}: a picture must end in one of .{', .'.join(sorted(known))}")
-        with appearing(file) as temporary:
-            figure.savefig(temporary)
