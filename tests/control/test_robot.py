@@ -41,7 +41,7 @@ def robot() -> Iterator[dg.Robot]:
 @pytest.fixture
 def ready(robot: dg.Robot) -> dg.Robot:
     """Return the robot homed, under power and at home."""
-    if not robot.enabled:
+    if not robot.enabled or robot.latched:
         robot.reset_fault()
         robot.enable()
     robot.home()
@@ -50,9 +50,7 @@ def ready(robot: dg.Robot) -> dg.Robot:
     return robot
 
 
-def test_a_machine_that_is_not_homed_refuses_to_move(
-    robot: dg.Robot, there: dg.Trajectory
-) -> None:
+def test_a_machine_that_is_not_homed_refuses_to_move(robot: dg.Robot, there: dg.Trajectory) -> None:
     with pytest.raises(dg.NotHomedError, match="home the machine"):
         robot.run(there)
     robot.enable()
@@ -153,9 +151,7 @@ def test_safe_torque_off_is_a_state_of_its_own(ready: dg.Robot) -> None:
     ready.simulated.inject(Clear(3))
 
 
-def test_a_drive_that_reboots_has_lost_its_reference(
-    ready: dg.Robot, there: dg.Trajectory
-) -> None:
+def test_a_drive_that_reboots_has_lost_its_reference(ready: dg.Robot, there: dg.Trajectory) -> None:
     assert ready.simulated is not None
     ready.simulated.inject(Reboot(1))
     _until(lambda: not ready.homed)
@@ -199,7 +195,9 @@ def test_the_host_says_so_when_the_streamer_is_gone(there: dg.Trajectory) -> Non
         with pytest.raises(dg.BusError, match="gone"):
             handle.wait(10.0)
         assert robot.simulated is not None
-        _until(lambda: all(d.state is not State.OPERATION_ENABLED for d in robot.simulated.snapshot()))
+        _until(
+            lambda: all(d.state is not State.OPERATION_ENABLED for d in robot.simulated.snapshot())
+        )
         assert max(abs(d.velocity) for d in robot.simulated.snapshot()) < 1.0
         with pytest.raises(dg.BusError):
             process.order(Command.HOLD)

@@ -52,7 +52,8 @@ class Connection:
 
     def _start_stream(self) -> None:
         drives = self._machine.drives
-        assignment = Assignment(self.bus, drives.bit_rate, stream_settings(self._machine))
+        settings = stream_settings(self._machine, shared=self.simulated is not None)
+        assignment = Assignment(self.bus, drives.bit_rate, settings)
         try:
             self.process = StreamerProcess(assignment)
         except BaseException:
@@ -131,9 +132,17 @@ def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
         axis.command(Nmt.START)
 
 
-def stream_settings(machine: Machine) -> StreamSettings:
-    """Return what the streamer has to know of a machine."""
+def stream_settings(machine: Machine, shared: bool = False) -> StreamSettings:
+    """Return what the streamer has to know of a machine.
+
+    Args:
+        machine: The machine.
+        shared: Whether the drives are processes on this computer. Then silence of a drive mostly
+            means that neither it nor this process was given a processor, and more is bridged, up
+            to what the drives themselves bear.
+    """
     drives = machine.drives
+    patience = math.ceil(drives.setpoint_patience / drives.cycle) if shared else 0
     window = drives.following_error_window
     first, second, third = (
         Scale.of(drives, number).magnitude(window) for number in range(1, AXES + 1)
@@ -142,8 +151,8 @@ def stream_settings(machine: Machine) -> StreamSettings:
         heartbeat=math.ceil(drives.heartbeat_timeout / drives.cycle),
         following=(first, second, third),
         host=math.ceil(HOST_PATIENCE / drives.cycle),
-        missing=drives.missing_frames + 1,
-        late=drives.late_cycles + 1,
+        missing=max(drives.missing_frames + 1, 2 * patience),
+        late=max(drives.late_cycles + 1, patience),
     )
     return StreamSettings(
         node_ids=drives.node_ids,

@@ -13,7 +13,7 @@ from duoglide.control.happenings import trip_of
 from duoglide.control.orders import Command, Happening
 from duoglide.control.power import Power
 from duoglide.control.scale import Scales
-from duoglide.control.supervise import Condition
+from duoglide.control.supervise import Condition, Trip
 from duoglide.drives.cia402 import Mode, State, decode
 from duoglide.errors import DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
@@ -43,7 +43,7 @@ class Drivetrain:
         self.scales = Scales.of(machine.drives)
         self._connection = connection
         self._homed = False
-        self._homed_at = 0
+        self._homed_at = self._reset_at = 0
 
     # What it is
 
@@ -68,6 +68,12 @@ class Drivetrain:
             and entry.power == Power.ON
             and all(decode(word) is State.OPERATION_ENABLED for word in entry.statusword)
         )
+
+    @property
+    def latched(self) -> tuple[Trip, ...]:
+        """What has tripped since the last reset."""
+        events = self._connection.monitor.events(self._reset_at)
+        return tuple(trip_of(event) for event in events if _is_trip(event))
 
     @property
     def homed(self) -> bool:
@@ -135,6 +141,7 @@ class Drivetrain:
         with self.axes() as axes:
             for axis in axes:
                 axis.wait_for_boot()
+            self._reset_at = self._connection.monitor.mark
             order(Command.FORGET)
             order(Command.POWER, Power.RESET)
             if not self._connection.monitor.wait_for(_no_fault, _PATIENCE):
@@ -209,7 +216,10 @@ class Drivetrain:
         if monitor.wait_for(reached, _PATIENCE):
             return
         if monitor.find(lambda event: event.kind == Happening.REFUSED, mark):
-            raise DriveError("a stop is latched; reset_fault() acknowledges it on purpose")
+            raise DriveError(
+                f"a stop is latched ({'; '.join(trip.words for trip in self.latched)});"
+                " reset_fault() acknowledges it on purpose"
+            )
         words = [f"axis {i}: {decode(w).words}" for i, w in enumerate(self.latest.statusword, 1)]
         raise DriveTimeout(f"power {power.name.lower()} is not reached: {'; '.join(words)}")
 
@@ -219,4 +229,8 @@ def _no_fault(entry: CycleEntry) -> bool:
 
 
 def _is_boot_up(event: EventEntry) -> bool:
-    return event.kind == Happening.TRIP and trip_of(event).condition is Condition.BOOT_UP
+    return _is_trip(event) and trip_of(event).condition is Condition.BOOT_UP
+
+
+def _is_trip(event: EventEntry) -> bool:
+    return event.kind == Happening.TRIP

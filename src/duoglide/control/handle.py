@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import as_number
+from duoglide.control.happenings import event_record
 from duoglide.control.motion import MotionState
 from duoglide.control.orders import Command, Happening
 from duoglide.control.report import RunReport, Tally
-from duoglide.errors import BusError, DriveTimeout, DuoglideError, InputError
+from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError, InputError
 
 if TYPE_CHECKING:
     from duoglide.control.monitor import Monitor
@@ -85,7 +86,7 @@ class RunHandle:
         self._report: RunReport | None = None
         self._ordered_to_stop = False
         self._current = 0
-        self._refused = False
+        self._refusal = ""
         listeners = (self, self._tally)
         if log is not None:
             self._resources.enter_context(log)
@@ -103,7 +104,7 @@ class RunHandle:
     def add_event(self, event: EventEntry) -> None:
         """Go on from the approach to the program, and notice the end."""
         if event.kind == Happening.REFUSED and event.detail == Command.RUN:
-            self._refused = True
+            self._refusal = event_record(event).text
             self._over.set()
         elif event.kind == Happening.STOPPED:
             self._over.set()
@@ -180,6 +181,7 @@ class RunHandle:
         """Wait for the end, close the log, and report.
 
         Raises:
+            DriveError: The streamer has refused to begin; says why.
             DriveTimeout: The run is not over after ``timeout`` seconds; it goes on.
             DuoglideError: The streamer is gone, or the log cannot be written; then the run has
                 been stopped.
@@ -195,7 +197,10 @@ class RunHandle:
         except DuoglideError:
             self._abandon()
             raise
-        return self._finish()
+        report = self._finish()
+        if self._refusal:
+            raise DriveError(self._refusal)
+        return report
 
     def _finish(self) -> RunReport:
         last = self._monitor.latest
@@ -218,11 +223,6 @@ class RunHandle:
         self._monitor.detach()
         self._over.set()
         self._resources.close()
-
-    @property
-    def refused(self) -> bool:
-        """Whether the streamer would not begin."""
-        return self._refused
 
 
 def require_override(override: object) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from duoglide.control.orders import Command, Happening
+from duoglide.control.orders import Command, Happening, Refusal
 from duoglide.control.power import Power
 from duoglide.control.ring import EventEntry
 from duoglide.control.supervise import Condition, Reaction, Trip
@@ -25,6 +25,7 @@ _ORDERS = {
     Command.STOP: EventKind.STOP,
     Command.QUICK_STOP: EventKind.QUICK_STOP,
 }
+_WITH_CODES = (EventKind.FAULT, EventKind.EMERGENCY)
 _BUS = (Condition.BUS, Condition.UNSENT)
 
 
@@ -37,7 +38,8 @@ def trip_of(event: EventEntry) -> Trip:
 def event_record(event: EventEntry) -> EventRecord:
     """Say what happened, as a log keeps it."""
     kind, text = _WRITERS[Happening(event.kind)](event)
-    return EventRecord(kind, text, event.axis, event.code)
+    code = event.code if kind in _WITH_CODES else 0
+    return EventRecord(kind, text, event.axis, code)
 
 
 def _order(event: EventEntry) -> tuple[EventKind, str]:
@@ -48,8 +50,8 @@ def _order(event: EventEntry) -> tuple[EventKind, str]:
 
 def _refused(event: EventEntry) -> tuple[EventKind, str]:
     order = Command(event.detail).name.lower()
-    where = f": axis {event.axis} is not at its start" if event.axis else ""
-    return EventKind.NOTE, f"{order} was refused{where}"
+    where = f"axis {event.axis}: " if event.axis else ""
+    return EventKind.NOTE, f"{order} was refused: {where}{Refusal(event.code).words}"
 
 
 def _trip(event: EventEntry) -> tuple[EventKind, str]:

@@ -75,6 +75,10 @@ class Monitor:
             timeout,
         )
 
+    def events(self, mark: int) -> list[EventEntry]:
+        """Return the events that have come after ``mark``."""
+        return self._events[mark:]
+
     def find(self, wanted: Callable[[EventEntry], bool], mark: int) -> EventEntry | None:
         """Return the first event after ``mark`` that is wanted; None if none has come."""
         return next((event for event in self._events[mark:] if wanted(event)), None)

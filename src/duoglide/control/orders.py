@@ -28,6 +28,30 @@ class Command(IntEnum):
     CLOSE = 10
 
 
+class Refusal(IntEnum):
+    """Why an order was not carried out."""
+
+    NOT_LOADED = 1
+    NOT_ENABLED = 2
+    LATCHED = 3
+    BUSY = 4
+    ELSEWHERE = 5
+
+    @property
+    def words(self) -> str:
+        """Say it."""
+        return _REFUSALS[self]
+
+
+_REFUSALS = {
+    Refusal.NOT_LOADED: "the program has not been handed over",
+    Refusal.NOT_ENABLED: "the drives are not enabled",
+    Refusal.LATCHED: "a stop is latched",
+    Refusal.BUSY: "a motion is in progress",
+    Refusal.ELSEWHERE: "the setpoint held is not where the motion begins",
+}
+
+
 class Happening(IntEnum):
     """What the streamer tells beside its cycles; fields of ``EventEntry`` in brackets."""
 
@@ -38,7 +62,7 @@ class Happening(IntEnum):
     FINISHED = 5  # [value: path time]
     STOPPED = 6  # [value: path time]
     ORDER = 7  # an order was carried out [detail: Command; value]
-    REFUSED = 8  # an order was not [detail: Command; axis]
+    REFUSED = 8  # an order was not [detail: Command; axis; code: Refusal]
     TRIP = 9  # [axis, detail: index of the Condition, code: of the emergency, value: Reaction]
     EMERGENCY = 10  # [axis, code]
     OUTPUT = 11  # [axis, code: the word]

@@ -38,13 +38,26 @@ def become_realtime() -> Granted:
     libc = ctypes.CDLL(None, use_errno=True)
     slack = libc.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(1000), 0, 0, 0) == 0
     locked = libc.mlockall(_MCL_CURRENT_AND_FUTURE) == 0
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-        fifo = True
-    except OSError:
-        fifo = False
+    fifo = _schedule(_PRIORITY)
     gc.collect()
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     return Granted(fifo=fifo, locked=locked, slack=slack)
+
+
+def become_helper() -> None:
+    """Let the calling thread run almost as promptly as the cycle.
+
+    While it holds the interpreter's lock the cycle waits for it; so nobody else may hold it up.
+    """
+    _schedule(_PRIORITY - 1)
+
+
+def _schedule(priority: int) -> bool:
+    """Put the calling thread under SCHED_FIFO; return whether that was granted."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        return False
+    return True

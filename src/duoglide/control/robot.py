@@ -27,6 +27,7 @@ from duoglide.storage.records import Phase
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from duoglide.control.supervise import Trip
     from duoglide.drives.simulated import SimulatedDrives
     from duoglide.machine import Machine
     from duoglide.motion.trajectory import Trajectory
@@ -119,6 +120,11 @@ class Robot:
     def enabled(self) -> bool:
         """Whether all three drives are under power and follow setpoints."""
         return self._drives.enabled
+
+    @property
+    def latched(self) -> tuple[Trip, ...]:
+        """What has made the machine stop since the last ``reset_fault``, in order."""
+        return self._drives.latched
 
     @property
     def states(self) -> tuple[State, State, State]:

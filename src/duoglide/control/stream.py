@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
 from duoglide.control.motion import OVER, Motion, MotionState
-from duoglide.control.orders import Command, Happening, Inbox, Outbox, StreamSettings
+from duoglide.control.orders import Command, Happening, Inbox, Outbox, Refusal, StreamSettings
 from duoglide.control.power import Power, all_in, controlword
 from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.control.supervise import Condition, Reaction
@@ -177,8 +177,11 @@ class Streamer:
     def _switch(self, power: Power) -> None:
         """Change the goal of the drives' power; what is latched forbids to switch it on."""
         on = power in (Power.ON, Power.HOMING)
-        if self._motion is not None or (on and self._watch.reaction is not Reaction.NONE):
-            self.tell(Happening.REFUSED, detail=Command.POWER)
+        if self._motion is not None:
+            self._refuse(Command.POWER, Refusal.BUSY)
+            return
+        if on and self._watch.reaction is not Reaction.NONE:
+            self._refuse(Command.POWER, Refusal.LATCHED)
             return
         self._power = power
         self._enabled = self._enabled and on
@@ -187,14 +190,22 @@ class Streamer:
     def _start(self, number: int, override: float) -> None:
         """Begin a program, if everything is as it must be; tell if it is not."""
         program = self._inbox.program(number)
-        ready = self._enabled and self._power is Power.ON and self._watch.reaction is Reaction.NONE
-        if program is None or not ready or self._motion is not None:
-            self.tell(Happening.REFUSED, detail=Command.RUN, value=number)
+        if program is None:
+            self._refuse(Command.RUN, Refusal.NOT_LOADED)
+        elif not self._enabled or self._power is not Power.ON:
+            self._refuse(Command.RUN, Refusal.NOT_ENABLED)
+        elif self._watch.reaction is not Reaction.NONE:
+            self._refuse(Command.RUN, Refusal.LATCHED)
+        elif self._motion is not None:
+            self._refuse(Command.RUN, Refusal.BUSY)
         elif axis := program.fence.refuses(program.first, self._setpoint):
-            self.tell(Happening.REFUSED, axis=axis, detail=Command.RUN, value=number)
+            self._refuse(Command.RUN, Refusal.ELSEWHERE, axis)
         else:
             self._motion, self._run = Motion(program, override), number
             self.tell(Happening.STARTED, detail=program.phase, value=number)
+
+    def _refuse(self, order: Command, reason: Refusal, axis: int = 0) -> None:
+        self.tell(Happening.REFUSED, axis=axis, detail=order, code=reason)
 
     def _set_outputs(self, axis: int, word: int) -> None:
         self._outputs[axis] = word

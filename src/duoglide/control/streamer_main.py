@@ -17,12 +17,15 @@ from duoglide.control.link import BusLink
 from duoglide.control.orders import Happening, Order
 from duoglide.control.process import LENGTH, ORDER, Assignment, receive_pickle
 from duoglide.control.program import Program
-from duoglide.control.realtime import become_realtime
+from duoglide.control.realtime import become_helper, become_realtime
 from duoglide.control.ring import Ring
 from duoglide.control.stream import Streamer, run_cycles
 from duoglide.drives.buses import open_bus
 from duoglide.errors import BusError
+from duoglide.motion.trajectory import Trajectory
+from duoglide.motion.transfer_path import TransferPath
 
+_LOADED_EARLY = (Trajectory, TransferPath)  # an import while cycles run would hold them up
 _KEPT = 3  # programs: an approach, its run, and the one after
 
 
@@ -75,6 +78,7 @@ class SocketInbox:
 
 def take_programs(bulk: socket.socket, inbox: SocketInbox) -> None:
     """Read programs until the host closes its end; a thread does this, in the cycle's pauses."""
+    become_helper()
     while True:
         try:
             program = receive_pickle(bulk)
