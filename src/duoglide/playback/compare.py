@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from duoglide.errors import LogError
-from duoglide.playback.run_data import RunData
+from duoglide.playback.run_data import IntArray, RunData
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,7 +17,7 @@ class Comparison:
 
     Attributes:
         cycles: How many cycles on the program each has.
-        common: How many were compared, from the first on.
+        common: How many were compared: those that neither run left out for being late.
         setpoint: Worst difference of setpoints per carriage [increments].
         actual: Worst difference of actual positions per carriage [mm].
         path_time: Worst difference of path time [s].
@@ -33,8 +33,8 @@ class Comparison:
 
     @property
     def same_setpoints(self) -> bool:
-        """Whether every setpoint is the same, bit for bit, in number as well."""
-        return self.first < 0 and self.cycles[0] == self.cycles[1]
+        """Whether every setpoint that both have is the same, bit for bit."""
+        return self.first < 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -47,24 +47,26 @@ def compare(one: RunData, other: RunData) -> Comparison:
     Raises:
         LogError: A run has no cycle on its program.
     """
-    rows = []
-    for data in (one, other):
-        on = np.flatnonzero(data.on_program)
-        if len(on) == 0:
-            raise LogError("a run without a cycle on its program cannot be compared")
-        rows.append(on)
-    cycles = (len(rows[0]), len(rows[1]))
-    common = min(cycles)
-    a, b = rows[0][:common], rows[1][:common]
+    rows = [_program_rows(data) for data in (one, other)]
+    numbers = [d.cycle[r] - d.cycle[r[0]] for d, r in zip((one, other), rows, strict=True)]
+    common, in_one, in_other = np.intersect1d(*numbers, return_indices=True)
+    a, b = rows[0][in_one], rows[1][in_other]
     setpoint = np.abs(one.setpoint[a] - other.setpoint[b])
     different = np.flatnonzero(setpoint.any(axis=1))
     return Comparison(
-        cycles=cycles,
-        common=common,
+        cycles=(len(rows[0]), len(rows[1])),
+        common=len(common),
         setpoint=tuple(int(worst) for worst in setpoint.max(axis=0)),
         actual=tuple(
             float(worst) for worst in np.abs(one.actual_mm[a] - other.actual_mm[b]).max(axis=0)
         ),
         path_time=float(np.abs(one.path_time[a] - other.path_time[b]).max()),
-        first=int(different[0]) if len(different) else -1,
+        first=int(common[different[0]]) if len(different) else -1,
     )
+
+
+def _program_rows(data: RunData) -> IntArray:
+    rows: IntArray = np.flatnonzero(data.on_program)
+    if len(rows) == 0:
+        raise LogError("a run without a cycle on its program cannot be compared")
+    return rows

@@ -162,7 +162,5 @@ def _compare(opened: Log, other: Path, as_json: bool) -> None:
 
 def _verdict(result: Comparison) -> str:
     if result.same_setpoints:
-        return "every setpoint is the same"
-    if result.first < 0:
-        return f"the same setpoints for {result.common} cycles, then one of them ends"
+        return f"all {result.common} setpoints that both have are the same"
     return f"setpoints differ from cycle {result.first} of the program on"
