@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.motion.blend import nearest, quintics
@@ -15,6 +16,8 @@ UNEVEN = 3.0  # the longer cut-back over the shorter, at most
 WIDEST = 0.5  # [rad] of an arc that a blend may take
 _EXACT = 1e-9  # relative, to which the tolerance is used, from below
 _ROUNDS = 80
+
+IndexArray: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,8 +34,8 @@ class Corners:
         after: Given cut-back after it [mm], else 0.
     """
 
-    waypoint: np.ndarray[Any, np.dtype[np.intp]]
-    left: np.ndarray[Any, np.dtype[np.intp]]
+    waypoint: IndexArray
+    left: IndexArray
     tolerance: FloatArray
     shape: FloatArray
     explicit: BoolArray
@@ -84,16 +87,22 @@ def cut_backs(curve: Curve, corners: Corners) -> tuple[FloatArray, FloatArray]:
 
 
 def _fit(
-    curve: Curve, corners: Corners, which: Any, limit_a: FloatArray, limit_b: FloatArray
+    curve: Curve, corners: Corners, which: IndexArray, limit_a: FloatArray, limit_b: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Find the largest cut-backs within limits and tolerance; tells where the tolerance decided."""
     limit_a, limit_b = np.minimum(limit_a, UNEVEN * limit_b), np.minimum(limit_b, UNEVEN * limit_a)
     left, shape = corners.left[which], corners.shape[which]
     goal = corners.tolerance[which] * (1.0 - _EXACT)
 
-    def deviation(cut: FloatArray, rows: Any) -> FloatArray:
+    sigma = curve.breaks[left + 1]
+    corner = curve.derivatives(sigma, left)[:, 0]
+
+    def deviation(cut: FloatArray, rows: IndexArray) -> FloatArray:
         a, b = np.minimum(cut, limit_a[rows]), np.minimum(cut, limit_b[rows])
-        return deviations(curve, left[rows], a, b, shape[rows])
+        one = curve.derivatives(sigma[rows] - a, left[rows])
+        other = curve.derivatives(sigma[rows] + b, left[rows] + 1)
+        bends = quintics(one, other, 5.0 * shape[rows] * np.minimum(a, b))
+        return nearest(bends, corner[rows])[1]
 
     low = np.zeros(goal.size)
     high = np.maximum(limit_a, limit_b)
@@ -121,14 +130,3 @@ def _fit(
         known_cut, known, cut = cut[going], value[going], following[going]
         rows, low, high, power = rows[going], low[going], high[going], power[going]
     return np.minimum(result, limit_a), np.minimum(result, limit_b), met
-
-
-def deviations(
-    curve: Curve, left: Any, before: FloatArray, after: FloatArray, shape: FloatArray
-) -> FloatArray:
-    """Distance from corners to the blends that round them [mm], shape (n,)."""
-    sigma = curve.breaks[left + 1]
-    start = curve.derivatives(sigma - before, left)
-    end = curve.derivatives(sigma + after, left + 1)
-    rows = quintics(start, end, 5.0 * shape * np.minimum(before, after))
-    return nearest(rows, curve.derivatives(sigma, left)[:, 0])[1]

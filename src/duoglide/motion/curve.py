@@ -11,7 +11,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import cos, sin
 from typing import Any
 
@@ -100,33 +100,34 @@ class Curve:
         """
         if isinstance(sigma, float | int) and (piece is None or isinstance(piece, int)):
             return self._at(float(sigma), piece)
-        values = np.clip(np.asarray(sigma, dtype=np.float64), 0.0, self.end)
+        values = np.minimum(np.maximum(np.asarray(sigma, dtype=np.float64), 0.0), self.end)
         index = self.piece_at(values) if piece is None else np.asarray(piece, dtype=np.intp)
-        values, index = np.broadcast_arrays(values, index)
+        if index.shape != values.shape:
+            values, index = np.broadcast_arrays(values, index)
         local = values - self.breaks[index]
-        result = self._polynomials(local, index)
-        arcs = self.rates[index] > 0.0
-        if arcs.any():
+        result = self._polynomials(local.ravel(), index.ravel()).reshape(*values.shape, 4, 3)
+        if self._has_arcs:
+            arcs = self.rates[index] > 0.0
             result[arcs] = self._arcs(local[arcs], index[arcs])
         return result
 
+    @cached_property
+    def _has_arcs(self) -> bool:
+        return bool(self.rates.any())
+
     def _polynomials(self, local: FloatArray, index: Any) -> FloatArray:
-        """Evaluate polynomials and three derivatives by Horner's rule."""
-        span = self.spans[index]
-        u = (local / span)[..., None]
+        """Evaluate polynomials and three derivatives as one product of small matrices."""
+        inverse = 1.0 / self.spans[index]
         c = self.coefficients[index]
-        p = c[..., -1, :]
-        d1 = d2 = d3 = np.zeros_like(p)
-        for k in range(c.shape[-2] - 2, -1, -1):
-            d3 = d3 * u + d2
-            d2 = d2 * u + d1
-            d1 = d1 * u + p
-            p = p * u + c[..., k, :]
-        inverse = 1.0 / span[..., None]
-        d1 = d1 * inverse
-        d2 = d2 * (2.0 * inverse * inverse)
-        d3 = d3 * (6.0 * inverse * inverse * inverse)
-        return np.stack([p, d1, d2, d3], axis=-2)
+        powers = np.ones((local.size, c.shape[1]))
+        powers[:, 1:] = (local * inverse)[:, None]
+        np.multiply.accumulate(powers, axis=1, out=powers)
+        scale = np.ones((local.size, DERIVATIVES, 1))
+        scale[:, 1:, 0] = inverse[:, None]
+        np.multiply.accumulate(scale, axis=1, out=scale)
+        lowered, factors = _power_tables(c.shape[1])
+        result: FloatArray = ((powers[:, lowered] * factors) @ c) * scale
+        return result
 
     def _arcs(self, local: FloatArray, index: Any) -> FloatArray:
         """Evaluate arcs and three derivatives."""
@@ -266,6 +267,16 @@ def _arc_at(rows: list[list[float]], local: float, rate: float) -> FloatArray:
         result[2].append(-radial * rate * rate)
         result[3].append(-along * rate * rate)
     return np.array(result)
+
+
+@lru_cache
+def _power_tables(count: int) -> tuple[Any, FloatArray]:
+    """Exponent and factor of u^k in its derivatives 0 to 3, for k below ``count``."""
+    k, order = np.arange(count), np.arange(DERIVATIVES)[:, None]
+    factors = np.ones((DERIVATIVES, count))
+    for i in range(DERIVATIVES - 1):
+        factors *= np.where(order > i, np.maximum(k - i, 0), 1)
+    return np.maximum(k - order, 0), factors
 
 
 def _integral(rows: FloatArray, span: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ from duoglide.kinematics._distance import nearest_surface
 from duoglide.kinematics._kernels import Constants, pose_constants
 from duoglide.kinematics._reach import Reach, reach_of
 from duoglide.kinematics.modes import WORKING
-from duoglide.machine import Machine
+from duoglide.machine import Box, Machine
 from duoglide.motion.curve import Curve
 from duoglide.motion.curve_bounds import CurveBounds, curve_bounds
 
@@ -138,10 +138,32 @@ def judge_points(rules: Rules, positions: FloatArray) -> FloatArray:
     Returns:
         Margins less what is required [mm], shape (n, families); minus infinity out of reach.
     """
-    states = np.zeros((len(positions), 4, 3))
-    states[:, 0] = positions
-    still = np.zeros((len(positions), 3))
-    return judge_parts(rules, Parts(states, np.zeros(len(positions)), still, still)).margins
+    reach = reach_of(positions, rules.constants)
+    inside = reach.lacking.max(axis=1) < 0.0
+    clear = np.full(len(positions), -np.inf)
+    clear[inside], _ = nearest_surface(rules.machine.geometry, WORKING.v, positions[inside])
+    places, gap = _places(rules.constants, positions[:, 1], reach)
+    outside = [_outside(box, positions).max(axis=1) for box in rules.machine.keep_out]
+    limit = rules.machine.geometry.rail_half_length
+    margins = np.stack([clear, *(limit - np.abs(place) for place in places), gap, *outside], axis=1)
+    margins -= rules.required
+    margins[~inside] = -np.inf
+    return margins
+
+
+def _places(
+    k: Constants, y: FloatArray, reach: Reach
+) -> tuple[tuple[FloatArray, FloatArray, FloatArray], FloatArray]:
+    """Places of the carriages, and the way from carriage 1 to carriage 2."""
+    half_coupler, (w1, w2, w3) = k[4], k[9:]
+    one, other = y - half_coupler + w1 * reach.p, y + half_coupler + w2 * reach.p
+    return (one, other, y + w3 * reach.q), 2.0 * half_coupler + (w2 - w1) * reach.p
+
+
+def _outside(box: Box, position: FloatArray) -> FloatArray:
+    """How far outside a box positions are along each axis, shape (n, 3)."""
+    outside: FloatArray = np.maximum(np.array(box.low) - position, position - np.array(box.high))
+    return outside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,10 +188,10 @@ def judge_parts(rules: Rules, parts: Parts) -> Verdict:
     reach = reach_of(parts.states[:, 0], rules.constants)
     inside = reach.lacking.max(axis=1) < 0.0
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        travel = _travel(rules, parts, *_strokes(parts, reach, rules.constants))
+        travel = _travel(rules, parts, reach)
     columns = _clearance(rules, parts, inside), travel, _boxes(rules.machine, parts)
-    margins = np.column_stack([values for values, _ in columns]) - rules.required
-    lowest = np.column_stack([bound for _, bound in columns]) - rules.required
+    margins = np.concatenate([values for values, _ in columns], axis=1) - rules.required
+    lowest = np.concatenate([bound for _, bound in columns], axis=1) - rules.required
     margins[~inside], lowest[~inside] = -np.inf, -np.inf
     return Verdict(margins, np.where(np.isnan(lowest), -np.inf, lowest))
 
@@ -197,24 +219,21 @@ def _strokes(parts: Parts, reach: Reach, k: Constants) -> tuple[Stroke, Stroke]:
     return p, (reach.q, -(X * dx + Z * dz) / reach.q, bend)
 
 
-def _travel(rules: Rules, parts: Parts, p: Stroke, q: Stroke) -> tuple[FloatArray, FloatArray]:
+def _travel(rules: Rules, parts: Parts, reach: Reach) -> tuple[FloatArray, FloatArray]:
     """Margins of travel 1 to 3 and of the order of carriages 1 and 2, and their lower bounds."""
-    half_coupler, (w1, w2, w3) = rules.constants[4], rules.constants[9:]
-    limit, half = rules.machine.geometry.rail_half_length, parts.half
-    square = 0.5 * half * half
+    (_, slope_p, bend_p), (_, slope_q, bend_q) = _strokes(parts, reach, rules.constants)
+    (w1, w2, w3), limit = rules.constants[9:], rules.machine.geometry.rail_half_length
+    half, square = parts.half, 0.5 * parts.half * parts.half
+    places, gap = _places(rules.constants, parts.states[:, 0, 1], reach)
+    speed, bend = parts.states[:, 1, 1], parts.second[:, 1]
     margins, lowest = [], []
-    for shift, w, (stroke, slope, bend) in (
-        (-half_coupler, w1, p),
-        (half_coupler, w2, p),
-        (0.0, w3, q),
+    for place, slope, more in zip(
+        places, (w1 * slope_p, w2 * slope_p, w3 * slope_q), (bend_p, bend_p, bend_q), strict=True
     ):
-        place = parts.states[:, 0, 1] + shift + w * stroke
-        rate = np.abs(parts.states[:, 1, 1] + w * slope)
         margins.append(limit - np.abs(place))
-        lowest.append(margins[-1] - rate * half - (parts.second[:, 1] + bend) * square)
-    stroke, slope, bend = p
-    margins.append(2.0 * half_coupler + (w2 - w1) * stroke)
-    lowest.append(margins[-1] - abs(w2 - w1) * (np.abs(slope) * half + bend * square))
+        lowest.append(margins[-1] - np.abs(speed + slope) * half - (bend + more) * square)
+    margins.append(gap)
+    lowest.append(gap - abs(w2 - w1) * (np.abs(slope_p) * half + bend_p * square))
     return np.stack(margins, axis=1), np.stack(lowest, axis=1)
 
 
@@ -267,7 +286,7 @@ def _boxes(machine: Machine, parts: Parts) -> tuple[FloatArray, FloatArray]:
         half, position = parts.half[:, None], parts.states[:, 0]
         change = np.abs(parts.states[:, 1]) * half + 0.5 * parts.second * half * half
         for i, box in enumerate(machine.keep_out):
-            outside = np.maximum(np.subtract(box.low, position), position - np.array(box.high))
+            outside = _outside(box, position)
             values[:, i] = outside.max(axis=1)
             lowest[:, i] = (outside - change).max(axis=1)
     return values, lowest
