@@ -215,7 +215,7 @@ def test_digital_inputs_are_sent_when_they_change(operational: Bench) -> None:
     assert (pdo.TPDO2 + NODE, pdo.INPUTS.pack(0, 0)) in operational.take()  # at the start
     operational.node.advance(1000)
     assert operational.take() == []
-    operational.node.axis.set_inputs(1 << 17)
+    operational.node.inputs = 1 << 17
     operational.node.advance(1000)
     assert operational.take() == [(pdo.TPDO2 + NODE, pdo.INPUTS.pack(1 << 17, 0))]
 

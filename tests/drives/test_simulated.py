@@ -17,12 +17,12 @@ from duoglide.drives.cia402 import State
 from duoglide.drives.plant import PlantParameters
 from duoglide.drives.simulated import SimulatedDrives, build_rack, serve_drives
 from duoglide.errors import BusError
-from duoglide.machine import DriveSettings
+from duoglide.machine import DriveSettings, Homing
 
 PARENT = """
 import sys, time
 from duoglide.drives.simulated import SimulatedDrives
-from duoglide.machine import DriveSettings
+from duoglide.machine import DriveSettings, Homing
 with SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0)) as drives:
     print(drives.pid, drives.address, flush=True)
     time.sleep(60)
@@ -116,3 +116,12 @@ def test_drives_in_this_process_answer_on_an_open_bus() -> None:
         finally:
             done.set()
             thread.join()
+
+
+def test_limit_switches_are_where_the_machine_file_says() -> None:
+    homing = Homing(method=(17, 18, 17), switch_position=(-300.0, 310.0, 320.0))
+    settings = DriveSettings(homing=homing, direction=(1, 1, -1))
+    switches = [n.plant.parameters.limit_switches for n in build_rack(settings, (0, 0, 0)).nodes]
+    assert switches[0][0] == -300.0
+    assert switches[1][1] == 310.0
+    assert switches[2][1] == 320.0  # the negative switch of a drive that counts against +y

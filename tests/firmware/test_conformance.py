@@ -11,7 +11,7 @@ import pytest
 
 from duoglide.drives.application import AxisApplication
 from duoglide.drives.cia402 import decode
-from duoglide.drives.firmware import FirmwareAxis
+from duoglide.drives.firmware_homing import HomingAxis
 from duoglide.drives.firmware_objects import RefusalError
 
 VECTORS = json.loads(
@@ -110,7 +110,7 @@ def replay(case: dict[str, Any], axis: AxisApplication) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_simulated_axis_conforms(case: dict[str, Any]) -> None:
-    replay(case, FirmwareAxis())
+    replay(case, HomingAxis())
 
 
 @pytest.mark.parametrize("case", CASES)

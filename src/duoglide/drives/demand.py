@@ -20,12 +20,16 @@ class Phase(Enum):
     HOLD = auto()  # it stands
     FOLLOW = auto()  # it goes to a setpoint, and past it for one period if no other comes
     BRAKE = auto()  # it slows down to a stand
+    JOG = auto()  # it runs at a speed, to search for a reference; not in the C axis
 
 
 class Demand:
     """Position demand: interpolation, bridging of one lost setpoint, and the braking ramp."""
 
-    __slots__ = ("elapsed", "end", "period", "phase", "position", "start", "velocity")
+    __slots__ = (
+        *("acceleration", "elapsed", "end", "goal", "period", "phase", "position", "start"),
+        "velocity",
+    )
 
     def __init__(self) -> None:
         self.phase = Phase.HOLD
@@ -33,6 +37,7 @@ class Demand:
         self.velocity = 0
         self.start = self.end = self.elapsed = 0
         self.period = 1
+        self.goal = self.acceleration = 0  # of a jog
 
     def place(self, increments: int) -> None:
         """Stand at a position."""
@@ -49,9 +54,15 @@ class Demand:
         self.period = period
         self.velocity = (self.end - self.start) * SECOND // period
 
+    def jog(self, speed: int, acceleration: int) -> None:
+        """Run at a speed [increments/s], with this acceleration [increments/s^2]."""
+        self.phase = Phase.JOG
+        self.goal = speed * FRACTION
+        self.acceleration = acceleration
+
     def brake(self) -> None:
         """Slow down from here on."""
-        if self.phase is Phase.FOLLOW:
+        if self.phase in (Phase.FOLLOW, Phase.JOG):
             self.phase = Phase.BRAKE
 
     def advance(self, dt: int, deceleration: int) -> None:
@@ -70,6 +81,8 @@ class Demand:
                 return
             self.phase = Phase.BRAKE
             dt = late
+        elif self.phase is Phase.JOG:
+            self._run(dt)
         while self.phase is Phase.BRAKE and dt > 0:
             step = min(dt, LONGEST_STEP)
             self._slow_down(step, deceleration)
@@ -85,4 +98,10 @@ class Demand:
             self.phase = Phase.HOLD
             return
         self.velocity = before - loss if before > 0 else before + loss
+        self.position += (before + self.velocity) * dt // (2 * SECOND)
+
+    def _run(self, dt: int) -> None:
+        before = self.velocity
+        change = max(self.acceleration * dt * FRACTION // SECOND, 1)
+        self.velocity = min(max(self.goal, before - change), before + change)
         self.position += (before + self.velocity) * dt // (2 * SECOND)

@@ -109,7 +109,7 @@ class Inputs(Injection):
 
     def apply(self, node: DriveNode) -> None:
         """Set them."""
-        node.axis.set_inputs(self.word)
+        node.inputs = self.word & ~3  # the limit switches are the plant's
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,6 +50,7 @@ class DriveNode:
         self.plant = plant
         self.scale = increments_per_mm  # negative where the drive counts against +y
         self.wrong = Misbehaviour()
+        self.inputs = 0  # what others have wired to 0x60FD; the limit switches are its own
         self.state = NmtState.BOOT_UP
         self.send: Send = _nowhere
         self._make_axis = make_axis
@@ -177,9 +178,15 @@ class DriveNode:
             self.plant.drive(goal, self.axis.servo_velocity / unit, seconds)
         else:
             self.plant.coast(not self.axis.brake_released, seconds)
+        self.axis.set_inputs(self.inputs | self._limit_switches())
         self.axis.tick(dt, floor((self.plant.position - self._zero) * self.scale + 0.5))
         for code in self.axis.take_emergencies():
             self._emergency(code)
+
+    def _limit_switches(self) -> int:
+        """Bits 0 and 1 of 0x60FD, in the direction that the drive counts in."""
+        low, high = self.plant.switches if self.scale > 0.0 else self.plant.switches[::-1]
+        return low | high << 1
 
     def _emergency(self, code: int) -> None:
         self.objects.remember_error(code)

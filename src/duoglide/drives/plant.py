@@ -21,6 +21,7 @@ class PlantParameters:
         greatest_acceleration: What motor and current limit allow [mm/s^2].
         coasting_deceleration: Friction that stops the carriage without power [mm/s^2].
         brake_deceleration: What the holding brake adds [mm/s^2].
+        limit_switches: Where the limit switches are [mm]; on at and beyond them.
     """
 
     bandwidth: float = 80.0
@@ -29,10 +30,11 @@ class PlantParameters:
     greatest_acceleration: float = 200e3
     coasting_deceleration: float = 5e3
     brake_deceleration: float = 20e3
+    limit_switches: tuple[float, float] = (-1e6, 1e6)
 
 
 class Plant:
-    """One carriage. Positions in mm along +y from wherever it stood at power-up."""
+    """One carriage. Positions in mm along +y."""
 
     __slots__ = ("jammed", "parameters", "position", "velocity")
 
@@ -58,6 +60,12 @@ class Plant:
             self.velocity += min(max(pull, -most), most) * dt
             self.position += self.velocity * dt
             demand += speed * dt
+
+    @property
+    def switches(self) -> tuple[bool, bool]:
+        """Whether the limit switches at the low and the high end are on."""
+        low, high = self.parameters.limit_switches
+        return self.position <= low, self.position >= high
 
     def coast(self, brake_set: bool, seconds: float) -> None:
         """Let the carriage run out without power."""

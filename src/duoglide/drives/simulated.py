@@ -12,11 +12,12 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from duoglide.drives.buses import frame_sender, parse_bus
 from duoglide.drives.faults import Injection
-from duoglide.drives.firmware import FirmwareAxis
+from duoglide.drives.firmware_homing import HomingAxis
 from duoglide.drives.node import DriveNode
 from duoglide.drives.plant import Plant, PlantParameters
 from duoglide.drives.rack import DriveRack, DriveSnapshot
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 _START_PATIENCE = 20.0  # how long the process may take to come up [s]
 _ANSWER_PATIENCE = 5.0
+_NEGATIVE_SWITCH, _POSITIVE_SWITCH = 17, 18  # homing methods
 DISMISS = "dismiss"  # the last thing in the pipe, if all goes well
 
 
@@ -37,7 +39,7 @@ def build_rack(
     settings: DriveSettings,
     positions: Sequence[float],
     plants: Sequence[PlantParameters] | None = None,
-    make_axis: Callable[[], AxisApplication] = FirmwareAxis,
+    make_axis: Callable[[], AxisApplication] = HomingAxis,
 ) -> DriveRack:
     """Build the three drives of a machine, switched on and not homed.
 
@@ -49,11 +51,22 @@ def build_rack(
     """
     nodes = []
     for i, node_id in enumerate(settings.node_ids):
-        plant = Plant(plants[i] if plants is not None else None)
-        plant.position = float(positions[i])
         scale = settings.direction[i] * settings.increments_per_mm[i]
+        parameters = plants[i] if plants is not None else PlantParameters()
+        plant = Plant(_with_switch(parameters, settings, i))
+        plant.position = float(positions[i])
         nodes.append(DriveNode(node_id, make_axis, plant, scale))
     return DriveRack(nodes)
+
+
+def _with_switch(parameters: PlantParameters, settings: DriveSettings, i: int) -> PlantParameters:
+    """Put the limit switch that homing searches where the machine file says that it is."""
+    method, place = settings.homing.method[i], settings.homing.switch_position[i]
+    if method not in (_NEGATIVE_SWITCH, _POSITIVE_SWITCH):
+        return parameters
+    low, high = parameters.limit_switches
+    at_low = (method == _NEGATIVE_SWITCH) == (settings.direction[i] > 0)
+    return replace(parameters, limit_switches=(place, high) if at_low else (low, place))
 
 
 def serve_drives(bus: can.BusABC, rack: DriveRack, until: Callable[[], bool]) -> None:
