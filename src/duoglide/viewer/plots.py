@@ -9,7 +9,7 @@ import numpy as np
 
 from duoglide.arrays import AXES, FloatArray
 from duoglide.errors import LogError
-from duoglide.viewer.plots_style import COLOURS, LIMIT, figure_file
+from duoglide.viewer.plots_style import COLOURS, LIMIT, WIDTHS, figure_file
 from duoglide.viewer.plots_workspace import draw_section
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from duoglide.playback.run_data import RunData
 
 _SAMPLES = 2000
+_BEFORE, _AFTER = 5, 20  # cycles of rest that a picture shows
 
 
 def draw_path(checked: CheckedPath, file: str | Path) -> None:
@@ -88,29 +89,26 @@ def draw_run(data: RunData, trajectory: Trajectory, file: str | Path) -> None:
     Raises:
         LogError: The run has no cycles, or the file cannot be written.
     """
-    if len(data) == 0:
-        raise LogError("a run without cycles cannot be drawn")
     moving = np.flatnonzero(data.on_program)
-    first = int(moving[0]) if len(moving) else 0
-    times = data.time - data.time[first]
+    if len(moving) == 0:
+        raise LogError("a run without a cycle on its program cannot be drawn")
+    shown = slice(max(int(moving[0]) - _BEFORE, 0), int(moving[-1]) + _AFTER)
+    times = (data.time - data.time[moving[0]])[shown]
     planned = trajectory.at(data.path_time)
     velocity = planned.velocity * np.where(data.on_program, data.rate, 0.0)[:, None] / 1e3
     limits = trajectory.machine.limits.velocity / 1e3
     with figure_file((7.0, 6.0), file) as figure:
         rows = figure.subplots(3, 1, sharex=True)
-        _carriages(rows[0], times, data.actual_mm, data.machine)
-        _limited(rows[1], times, velocity, limits, "Velocity [m/s]")
-        error = data.following_error * 1e3
-        for axis in range(AXES):
-            rows[2].plot(times, error[:, axis], color=COLOURS[axis], linewidth=1.0)
+        _carriages(rows[0], times, data.actual_mm[shown], data.machine)
+        _limited(rows[1], times, velocity[shown], limits, "Velocity [m/s]")
+        _curves(rows[2], times, data.following_error[shown] * 1e3)
         rows[2].set_title("Tracking error [µm], measured minus the setpoint that was due")
         rows[2].axhline(0.0, color=LIMIT, linewidth=0.7)
         _finish(rows, "time from the start of the program [s]")
 
 
 def _carriages(axes: Axes, times: FloatArray, values: FloatArray, machine: Machine) -> None:
-    for axis in range(AXES):
-        axes.plot(times, values[:, axis], color=COLOURS[axis], label=f"carriage {axis + 1}")
+    _curves(axes, times, values)
     travel = machine.geometry.rail_half_length
     for end in (-travel, travel):
         axes.axhline(end, color=LIMIT, linestyle="--", linewidth=1.0)
@@ -123,12 +121,23 @@ def _limited(
     axes: Axes, times: FloatArray, values: FloatArray, limits: FloatArray, title: str
 ) -> None:
     """Draw three curves and the limits that they keep."""
-    for axis in range(AXES):
-        axes.plot(times, values[:, axis], color=COLOURS[axis])
+    _curves(axes, times, values)
     for limit in sorted(set(limits.tolist())):
         for sign in (-1.0, 1.0):
             axes.axhline(sign * limit, color=LIMIT, linestyle="--", linewidth=1.0)
     axes.set_title(title)
+
+
+def _curves(axes: Axes, times: FloatArray, values: FloatArray) -> None:
+    """Draw one curve per carriage."""
+    for axis in range(AXES):
+        axes.plot(
+            times,
+            values[:, axis],
+            color=COLOURS[axis],
+            linewidth=WIDTHS[axis],
+            label=f"carriage {axis + 1}",
+        )
 
 
 def _finish(rows: Any, label: str) -> None:
