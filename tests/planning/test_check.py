@@ -14,6 +14,7 @@ from duoglide.motion.actions import Dwell, SetOutput
 from duoglide.motion.blending import round_corners
 from duoglide.motion.checked import CheckedPath
 from duoglide.motion.curve import Curve
+from duoglide.planning.check import check_curve
 from duoglide.planning.check_rules import Rules
 from duoglide.planning.check_search import first_failure
 
@@ -351,3 +352,50 @@ def test_an_impossible_clearance_is_a_clear_error() -> None:
     machine = dg.Machine(clearance=100.0)
     with pytest.raises(dg.PathError, match="clearance of 100 mm"):
         dg.check_path(machine, dg.pick_and_place(*STANDARD))
+
+
+def test_a_curve_that_is_torn_is_refused_whoever_made_it() -> None:
+    machine = dg.Machine.default()
+    curve = round_corners(dg.pick_and_place(*STANDARD)).curve
+    check_curve(machine, curve)
+    for row, jump in ((0, 1e-3), (1, 1e-2)):
+        coefficients = curve.coefficients.copy()
+        coefficients[2, row, 2] += jump
+        torn = Curve(curve.spans, curve.rates, coefficients)
+        with pytest.raises(dg.PathError, match="torn") as caught:
+            check_curve(machine, torn)
+        assert caught.value.quantity == "continuity"
+    square = round_corners(dg.Path.polyline([(-41, 0, 300), (-41, 9, 300), (-41, 9, 309)])).curve
+    check_curve(machine, square)
+    with pytest.raises(dg.PathError, match="torn"):
+        check_curve(machine, square.with_rests(()))
+
+
+def test_lines_from_a_micrometre_to_ten_metres_are_decided() -> None:
+    machine = dg.Machine.default()
+    assert dg.check_path(machine, dg.Path.line((-41, 0, 300), (-41, 1e-3, 300))).curve.end == (
+        pytest.approx(1e-3)
+    )
+    with pytest.raises(dg.PathError) as caught:
+        dg.check_path(machine, dg.Path.line((-41, 0, 300), (-41, 10_000, 300)))
+    assert caught.value.quantity == "travel"
+    assert caught.value.amount > 9_000.0
+    long = dg.Machine(geometry=dg.Geometry(rail_half_length=20_000.0))
+    checked = dg.check_path(long, dg.Path.line((-41, 0, 300), (-41, 10_000, 300)))
+    assert checked.curve.end == 10_000.0
+
+
+@pytest.mark.parametrize(("room", "expected"), [(1e-6, True), (5e-8, False)])
+def test_an_arc_on_which_a_carriage_stands_still_is_decided_as_finely(
+    room: float, expected: bool
+) -> None:
+    """Carriage 3 stays where it is while the strut's end goes round it."""
+    x, stand = -41.0, 300.0
+    radius = np.sqrt(300.0**2 - (x + 45.0) ** 2)
+    angle = np.radians([36.5, 38.0, 40.0])
+    points = np.stack(
+        [x + 0 * angle, stand - radius * np.cos(angle), 70.0 + radius * np.sin(angle)], axis=1
+    )
+    np.testing.assert_allclose(dg.inverse(dg.Geometry(), points)[:, 2], stand)
+    machine = dg.Machine(geometry=dg.Geometry(rail_half_length=stand + room))
+    assert passes(machine, dg.Path.arc(*points)) is expected

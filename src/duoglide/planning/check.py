@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from duoglide.errors import PathError
 from duoglide.machine import Machine
 from duoglide.motion.blending import RoundedPath, round_corners
 from duoglide.motion.checked import CheckedPath, CheckReport, SpeedCap
 from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
+from duoglide.motion.path_segments import show
 from duoglide.planning.check_least import least_margins
 from duoglide.planning.check_refusal import assembly_error, refusal
 from duoglide.planning.check_rules import Rules
 from duoglide.planning.check_search import first_failure
+
+TORN = np.array([1e-6, 1e-6, 1e-6])  # [mm, 1, 1/mm], more than rounding ever leaves of a joint
 
 
 def check_path(machine: Machine, path: Path) -> CheckedPath:
@@ -54,8 +58,9 @@ def check_curve(machine: Machine, curve: Curve) -> CheckReport:
     Replay does this, whose curve is in the log and must not move.
 
     Raises:
-        PathError: The machine cannot follow it.
+        PathError: The machine cannot follow it, or it is torn.
     """
+    _require_whole(curve)
     rules = Rules.of(machine, curve)
     failure = first_failure(rules)
     if failure < np.inf:
@@ -63,6 +68,26 @@ def check_curve(machine: Machine, curve: Curve) -> CheckReport:
     if error := assembly_error(machine, curve):
         raise error
     return least_margins(rules)
+
+
+def _require_whole(curve: Curve) -> None:
+    """Refuse a curve whose pieces do not meet, or bend abruptly where no rest is declared."""
+    inner = curve.breaks[1:-1]
+    left = np.arange(inner.size)
+    jumps = np.abs(curve.derivatives(inner, left + 1) - curve.derivatives(inner, left)).max(axis=-1)
+    torn = (jumps[:, :3] > TORN).any(axis=1)
+    torn &= (jumps[:, 0] > TORN[0]) | ~np.isin(inner, curve.rests)
+    if torn.any():
+        sigma = float(inner[np.argmax(torn)])
+        position = curve.position(sigma)
+        raise PathError(
+            f"the curve is torn at {show(position)} mm: its pieces do not meet there with one"
+            " tangent and one curvature",
+            arc_length=float(curve.arc_length(sigma)),
+            position=position.tolist(),
+            quantity="continuity",
+            amount=float(jumps[np.argmax(torn), 0]),
+        )
 
 
 def speed_caps(path: Path, rounded: RoundedPath) -> tuple[SpeedCap, ...]:
