@@ -30,19 +30,20 @@ FAINT = 1e-12  # relative size of a square below which rounding has to be looked
 
 def pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
     """Collect what ``inverse_pose`` and ``margins_pose`` need, in their order."""
+    shift = g.rail_half_spacing - g.platform_half_width
     return (
-        g.rail_half_spacing - g.platform_half_width,
+        shift,
         g.carriage_height + g.riser_height + g.arm_drop,
         g.arm_length,
         g.leg_length,
         0.5 * g.coupler_length,
-        g.platform_half_width - g.rail_half_spacing,
+        -shift,
         g.carriage_height + g.strut_drop,
         g.strut_length,
-        float(mode.v),
-        float(mode.w1),
-        float(mode.w2),
-        float(mode.w3),
+        1.0 * mode.v,  # numba wants all of one type
+        1.0 * mode.w1,
+        1.0 * mode.w2,
+        1.0 * mode.w3,
     )
 
 
@@ -57,8 +58,8 @@ def carriage_constants(g: Geometry, mode: AssemblyMode) -> Constants:
         g.strut_length,
         g.platform_half_width - g.rail_half_spacing,
         g.carriage_height + g.strut_drop,
-        float(mode.m),
-        float(mode.n),
+        1.0 * mode.m,
+        1.0 * mode.n,
     )
 
 

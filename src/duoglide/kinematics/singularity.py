@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,25 +24,45 @@ FAMILIES = ("legs_vertical", "strut", "legs_parallel", "legs_flat", "arm_strut",
 class Margins:
     """A length [mm] for each singularity family; it is 0 exactly on the family's surface.
 
-    What the rise of the legs alone decides is computed when it is asked for, so that a large batch
-    moves less memory. Every family has the leading shape of the positions.
+    The families are properties, each of the leading shape of the positions. What the rise of the
+    legs alone decides is computed when it is asked for, so that a large batch moves less memory.
 
     Attributes:
-        strut: l9 - sqrt(X^2 + Z^2): distance to the strut's edge of reach (serial).
-        legs_flat: h; its sign is the m of the assembly mode (parallel).
-        arm_strut: X sin(beta) + Z cos(beta): distance of B3 from the line of the arm through C3 in
-            the xz plane, case 2; its sign is the n of the assembly mode (parallel).
-        arm_flat: l6 - |x - (b - d)|: distance to where the branches v merge (edge of reach).
+        measured: ``strut``, ``legs_flat``, ``arm_strut`` and ``arm_flat`` [mm], shape (4, ...).
         leg_length: l2 [mm].
         mode: The working mode that the margins are of.
     """
 
-    strut: FloatArray
-    legs_flat: FloatArray
-    arm_strut: FloatArray
-    arm_flat: FloatArray
+    measured: FloatArray
     leg_length: float
     mode: WorkingMode
+
+    @property
+    def strut(self) -> FloatArray:
+        """l9 - sqrt(X^2 + Z^2): distance to the strut's edge of reach (serial)."""
+        strut: FloatArray = self.measured[0]
+        return strut
+
+    @property
+    def legs_flat(self) -> FloatArray:
+        """h; its sign is the m of the assembly mode (parallel)."""
+        rise: FloatArray = self.measured[1]
+        return rise
+
+    @property
+    def arm_strut(self) -> FloatArray:
+        """Case 2, X sin(beta) + Z cos(beta); its sign is the n of the assembly mode (parallel).
+
+        It is the distance of B3 from the line of the arm through C3 in the xz plane.
+        """
+        in_line: FloatArray = self.measured[2]
+        return in_line
+
+    @property
+    def arm_flat(self) -> FloatArray:
+        """l6 - |x - (b - d)|: distance to where the branches v merge (edge of reach)."""
+        arm: FloatArray = self.measured[3]
+        return arm
 
     @property
     def legs_vertical(self) -> FloatArray:
@@ -89,25 +108,17 @@ def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
     if pose := as_pose(position):
         x, y, z = pose
         try:
-            strut, h, in_line, arm = margins_pose(x, z, k)
+            values = margins_pose(x, z, k)
         except ValueError:  # a square root has failed: look closer
-            strut = -1.0
-        if strut >= 0.0 and -leg <= h <= leg and isfinite(y):
-            return _margins_of((strut, h, in_line, arm), leg, mode)
+            pass
+        else:
+            if values[0] >= 0.0 and -leg <= values[1] <= leg and isfinite(y):
+                return Margins(np.array(values), leg, mode)
     array = as_batch(position, "position")
     many, within = margins_many(array, k)
     if not within:
         many = _margins_at_edge(as_triples(array, "position"), k)
-    return _margins_of(many, leg, mode)
-
-
-def _margins_of(values: Any, leg: float, mode: WorkingMode) -> Margins:
-    """Name the values of ``margins_pose``, numbers or arrays."""
-    strut, h, in_line, arm = values
-    if type(strut) is float:
-        double = np.float64
-        strut, h, in_line, arm = double(strut), double(h), double(in_line), double(arm)
-    return Margins(strut, h, in_line, arm, leg, mode)
+    return Margins(many, leg, mode)
 
 
 def _margins_at_edge(position: FloatArray, k: Constants) -> FloatArray:
