@@ -20,7 +20,7 @@ from duoglide.drives.sdo_server import SdoServer
 from duoglide.drives.watchdogs import HEARTBEAT_LOST
 
 Send = Callable[[int, bytes], None]
-_TICK = 1000  # longest step of the application under power [us]
+_TICK = 2000  # longest step of the application under power [us]
 _IDLE_TICK = 5000
 
 

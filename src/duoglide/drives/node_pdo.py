@@ -122,6 +122,8 @@ class ProcessData:
     def _pack(self, channel: Channel) -> bytes:
         if channel.entries == pdo.TPDO1_MAPPING:
             return pdo.FEEDBACK.pack(self._axis.statusword, self._axis.actual)
+        if channel.entries == pdo.TPDO2_MAPPING:
+            return pdo.INPUTS.pack(self._axis.read(0x60FD, 0), self._axis.read(0x6061, 0))
         parts = []
         for index, sub, bits in channel.entries:
             value = self._objects.read(index, sub) & ((1 << bits) - 1)

@@ -54,12 +54,14 @@ class Plant:
         steps = max(1, -int(-seconds // _STEP))
         dt = seconds / steps
         most = p.greatest_acceleration
+        wanted = p.velocity_feedforward * speed
+        position, velocity = self.position, self.velocity
         for _ in range(steps):
-            pull = stiffness * (demand - self.position)
-            pull += friction * (p.velocity_feedforward * speed - self.velocity)
-            self.velocity += min(max(pull, -most), most) * dt
-            self.position += self.velocity * dt
+            pull = stiffness * (demand - position) + friction * (wanted - velocity)
+            velocity += (most if pull > most else max(pull, -most)) * dt
+            position += velocity * dt
             demand += speed * dt
+        self.position, self.velocity = position, velocity
 
     @property
     def switches(self) -> tuple[bool, bool]:

@@ -16,6 +16,7 @@ from duoglide.drives.node import DriveNode, Send
 
 _LATE = 2.5  # periods after which a SYNC counts as missing, not as late
 _UNLOCKED = 20.0  # periods after which nobody sends SYNC any more
+_BUSY, _IDLE = 0.001, 0.005  # how often to look at the clock under power, and without [s]
 _LONGEST_GAP = 1_000_000  # what a stopped process makes up for at most [us]
 
 
@@ -43,6 +44,7 @@ class DriveRack:
 
     def __init__(self, nodes: Sequence[DriveNode]) -> None:
         self.nodes = tuple(nodes)
+        self._by_id = {node.node_id: node for node in nodes}
         self._wall: int | None = None  # the moment up to which time has passed [us]
         self._last_sync: int | None = None
         self._since_sync = 0  # how much time has passed for the drives since then [us]
@@ -55,13 +57,19 @@ class DriveRack:
     @property
     def patience(self) -> float:
         """How long the bus may be silent before ``poll`` should be called [s]."""
-        busy = self._last_sync is not None or any(node.axis.powered for node in self.nodes)
-        return 0.001 if busy else 0.005
+        if self._last_sync is not None:  # as long as SYNC comes, nothing else need wake us
+            return min(1.25e-6 * self._period, _IDLE)
+        return _BUSY if any(node.axis.powered for node in self.nodes) else _IDLE
 
     def receive(self, can_id: int, data: bytes, now: int) -> None:
         """Take a frame at ``now`` [us]."""
         if can_id == pdo.SYNC:
             self._synchronise(now)
+        if pdo.TPDO1 <= can_id < pdo.HEARTBEAT:  # process data and SDO are for one node
+            node = self._by_id.get(can_id & 0x7F)
+            if node is not None:
+                node.receive(can_id, data)
+            return
         for node in self.nodes:
             node.receive(can_id, data)
 
