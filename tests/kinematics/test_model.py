@@ -292,6 +292,24 @@ def test_forward_refuses_flat_legs(geometry: dg.Geometry) -> None:
         assert caught.value.family == "legs_flat"
 
 
+def test_forward_refuses_legs_that_rounding_alone_lifts(geometries: list[dg.Geometry]) -> None:
+    refused = 0
+    for geometry, v, share in product(geometries, (1, -1), np.linspace(-0.95, 0.95, 20)):
+        u = geometry.arm_length * share
+        x = geometry.rail_half_spacing - geometry.platform_half_width + u
+        lift = geometry.carriage_height + geometry.riser_height + geometry.arm_drop
+        z = lift + v * np.sqrt(geometry.arm_length**2 - u**2)
+        pose, mode = (x, 71.3 * share, z), dg.WorkingMode(v=v)
+        if not dg.reachable(geometry, pose, mode):
+            continue
+        side = int(np.sign(dg.margins(geometry, pose, mode).arm_strut))
+        with pytest.raises(dg.SingularityError, match="flat") as caught:
+            dg.forward(geometry, dg.inverse(geometry, pose, mode), dg.AssemblyMode(n=side))
+        assert caught.value.family == "legs_flat"
+        refused += 1
+    assert refused > 300
+
+
 def test_forward_refuses_every_point_of_case_2(geometries: list[dg.Geometry]) -> None:
     rng = np.random.default_rng(5)
     refused = 0
