@@ -16,7 +16,7 @@ from duoglide.drives.configure import interpolation_time
 from duoglide.drives.pdo import RPDO1, SYNC, Nmt, pack_setpoint
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.errors import ConfigError, DriveError, DriveFault, DriveTimeout
-from duoglide.machine import DriveSettings, Quirks
+from duoglide.machine import DriveSettings, Homing, Quirks
 
 
 def with_quirks(network: canopen.Network, settings: DriveSettings, quirks: Quirks) -> Axis:
@@ -290,3 +290,28 @@ def test_the_cycle_is_written_as_a_drive_takes_it(cycle: float, value: tuple[int
 def test_a_cycle_that_no_drive_can_be_told_is_refused() -> None:
     with pytest.raises(ConfigError, match="0x60C2 cannot say that"):
         interpolation_time(0.0012345678)
+
+
+def test_axes_can_search_their_references_together(network: canopen.Network) -> None:
+    settings = DriveSettings(homing=Homing(method=(33, 34, 37), creep_speed=200.0))
+    axes = [Axis(network, settings, number) for number in (1, 2, 3)]
+    for axis in axes:
+        axis.configure()
+        axis.enable()
+    for axis in axes:
+        axis.start_homing(5.0)
+    deadline = time.monotonic() + 5.0
+    while not all(axis.homing_done() for axis in axes):
+        assert time.monotonic() < deadline
+    for axis in axes:
+        assert axis.read_homed()
+        axis.close()
+
+
+def test_a_drive_that_can_only_stop_and_switch_off_does_so(network: canopen.Network) -> None:
+    axis = with_quirks(network, DriveSettings(), Quirks(quick_stop_option=2))
+    axis.configure()
+    axis.enable()
+    axis.quick_stop()
+    axis.go_to(State.SWITCH_ON_DISABLED)
+    axis.close()
