@@ -119,6 +119,8 @@ def test_an_exact_corner_and_a_reversal_are_rests() -> None:
     rounded = round_corners(dg.Path.polyline(points, tolerance=0.5)).curve
     assert len(rounded.rests) == 1
     np.testing.assert_allclose(rounded.position(rounded.rests[0]), (10, 10, 0), atol=1e-12)
+    with pytest.raises(dg.PathError, match="turns back by 180 degrees at waypoint 2"):
+        round_corners(dg.Path.polyline(points, blends=Blend.radius(2.0)))
 
 
 def test_a_straight_joint_needs_neither_blend_nor_rest() -> None:

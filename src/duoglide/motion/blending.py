@@ -56,7 +56,8 @@ def round_corners(path: Path) -> RoundedPath:
     """Fix every blend of a path, and join its pieces to one curve.
 
     Raises:
-        PathError: Explicit blends that overlap, or are longer than their segment.
+        PathError: Explicit blends that overlap, are longer than their segment, or stand at a
+            reversal.
     """
     raw = raw_path(path)
     rest, rounded = _sort_corners(path, raw)
@@ -78,8 +79,25 @@ def _sort_corners(path: Path, raw: RawPath) -> tuple[BoolArray, BoolArray]:
     halts = {i for i, action in path.actions if needs_rest(action)}
     halted = np.array([i + 1 in halts for i in range(left.size)], dtype=bool)
     smooth = (jump < SMOOTH) & ~halted
-    rounded = wanted & ~smooth & ~halted & (cosine > SHARPEST)
+    wanted &= ~smooth & ~halted
+    rounded = wanted & (cosine > SHARPEST)
+    for i in np.flatnonzero(wanted & ~rounded):
+        if isinstance(path.corners[i], Blend):
+            raise _reversal_error(path, int(i), float(cosine[i]), float(curve.arc_length(sigma[i])))
     return ~smooth & ~rounded, rounded
+
+
+def _reversal_error(path: Path, corner: int, cosine: float, along: float) -> PathError:
+    turn = float(np.degrees(np.arccos(max(cosine, -1.0))))
+    position = path.waypoints[corner + 1]
+    return PathError(
+        f"the path turns back by {turn:.4g} degrees at waypoint {corner + 1}, {show(position)} mm:"
+        " no blend fits there; give a tolerance instead, and the motion will rest there",
+        arc_length=along,
+        position=position,
+        quantity="blend",
+        amount=turn,
+    )
 
 
 def _corners_to_round(path: Path, raw: RawPath, rounded: BoolArray) -> Corners:

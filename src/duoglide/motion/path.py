@@ -103,7 +103,8 @@ class Path:
 
         Args:
             points: Shape (n, 3), n at least 2 [mm].
-            tolerance: Corner tolerance of every corner [mm]; 0: come to rest in each.
+            tolerance: Corner tolerance of every corner [mm]; 0: come to rest in each. A corner
+                that turns back by more than 170 degrees is a rest, whatever the tolerance.
             blends: Instead of a tolerance: one blend for every corner, or one entry per corner.
             speed: Cap on the tool's speed [mm/s]: one for all segments, or one for each.
 
