@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import duoglide as dg
+from duoglide.planning.jog import Jog, JogLimits
+
+MACHINE = dg.Machine.default()
+CYCLE = MACHINE.drives.cycle
+HOME = dg.inverse(MACHINE.geometry, (-41.0, 0.0, 302.0))
+
+
+def jogged(jog: Jog, velocity: tuple[float, float, float], steps: int) -> np.ndarray:
+    jog.aim(velocity)
+    return np.array([jog.step() for _ in range(steps)])
+
+
+def require_room(machine: dg.Machine, carriages: np.ndarray) -> None:
+    positions = dg.forward(machine.geometry, carriages)
+    assert dg.clearance(machine.geometry, positions).min() > machine.clearance
+    assert np.abs(carriages).max() < machine.geometry.rail_half_length
+    assert np.diff(carriages[:, :2]).min() > machine.carriage_width
+
+
+def test_it_reaches_the_velocity_that_is_asked_for_and_stops_when_let_go() -> None:
+    jog = Jog(MACHINE, HOME)
+    jogged(jog, (0.0, 60.0, -20.0), 150)
+    np.testing.assert_allclose(jog.velocity, [0.0, 60.0, -20.0], atol=1e-9)
+    assert jog.blocked == ""
+    jogged(jog, (0.0, 0.0, 0.0), 150)
+    assert not jog.moving
+    np.testing.assert_allclose(jog.velocity, 0.0, atol=1e-9)
+
+
+def test_a_wish_is_shortened_to_the_limit_of_speed() -> None:
+    jog = Jog(MACHINE, HOME, JogLimits(speed=30.0))
+    jogged(jog, (300.0, 0.0, -400.0), 150)
+    np.testing.assert_allclose(jog.velocity, [18.0, 0.0, -24.0], atol=1e-9)
+
+
+def test_it_goes_straight_from_rest() -> None:
+    jog = Jog(MACHINE, HOME)
+    carriages = jogged(jog, (30.0, 60.0, -20.0), 120)
+    moved = dg.forward(MACHINE.geometry, carriages) - dg.forward(MACHINE.geometry, HOME)
+    direction = np.array([30.0, 60.0, -20.0]) / 70.0
+    aside = moved - (moved @ direction)[:, None] * direction
+    assert np.abs(aside).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("velocity", "quantity"),
+    [
+        ((0.0, 0.0, -90.0), "clearance"),
+        ((0.0, 90.0, 0.0), "travel"),
+        ((90.0, 0.0, 0.0), "keep_out"),
+    ],
+)
+def test_it_comes_to_rest_before_what_is_in_the_way(
+    velocity: tuple[float, float, float], quantity: str
+) -> None:
+    box = dg.Box(low=(10.0, -500.0, 0.0), high=(20.0, 500.0, 600.0))
+    jog = Jog(replace(MACHINE, keep_out=(box,)), HOME)
+    carriages = jogged(jog, velocity, 1100)
+    require_room(MACHINE, carriages)
+    assert (jog.blocked, jog.moving) == (quantity, False)
+    room = {
+        "clearance": dg.clearance(MACHINE.geometry, jog.position) - 2.0,
+        "travel": 360.0 - np.abs(carriages[-1]).max(),
+        "keep_out": 10.0 - jog.position[0],
+    }[quantity]
+    assert 0.0 < room < 0.5  # near to it, too
+    jogged(jog, (-velocity[0], -velocity[1], -velocity[2]), 100)
+    assert jog.blocked == ""
+    assert jog.moving
+
+
+@settings(max_examples=5, deadline=None, derandomize=True)
+@given(st.integers(0, 2**32 - 1))
+def test_no_sequence_of_wishes_leaves_what_is_allowed(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    geometry = {k: v * rng.uniform(0.95, 1.05) for k, v in MACHINE.to_dict()["geometry"].items()}
+    machine = replace(MACHINE, geometry=dg.Geometry(**geometry))
+    limits = JogLimits(speed=250.0, acceleration=4000.0, jerk=1e5)
+    home = dg.inverse(machine.geometry, (-41.0, 0.0, 302.0))
+    jog = Jog(machine, home, limits)
+    rows = [np.repeat(home[None], 3, axis=0)]
+    for wish in rng.uniform(-250.0, 250.0, (5, 3)):
+        rows += [jogged(jog, tuple(wish), int(rng.integers(5, 80)))]
+    rows.append(jogged(jog, (0.0, 0.0, 0.0), 100))
+    carriages = np.concatenate(rows)
+    require_room(machine, carriages)
+    assert not jog.moving
+    for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
+        worst = np.abs(np.diff(carriages, order, axis=0)).max(axis=0) / CYCLE**order
+        assert np.all(worst <= getattr(machine.limits, name) * (1 + 1e-6)), name
+
+
+def test_it_does_not_begin_where_the_machine_must_not_stand() -> None:
+    with pytest.raises(dg.PathError, match="recover first"):
+        Jog(MACHINE, dg.inverse(MACHINE.geometry, (-41.0, 160.0, 290.0)))
+    with pytest.raises(dg.InputError, match="speed"):
+        JogLimits(speed=0.0)
+    with pytest.raises(dg.InputError, match="velocity"):
+        Jog(MACHINE, HOME).aim([1.0, 2.0])
