@@ -9,6 +9,7 @@ import typer
 
 from duoglide.cli.console import say, say_facts, say_json, working
 from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.outputs import require_picture
 from duoglide.cli.program import Lift, Pick, Place, Program, Tolerance, read_path
 from duoglide.errors import PathError
 
@@ -59,6 +60,7 @@ def check(
 
     A path that the machine cannot follow is refused with where, what and by how much.
     """
+    require_picture(picture)
     described = load_machine(machine)
     path = read_path(program, pick, place, lift, tolerance)
     from duoglide.planning.check import check_path

@@ -10,6 +10,7 @@ import typer
 
 from duoglide.cli.console import say, say_facts, say_json, triple, working
 from duoglide.cli.options import Json
+from duoglide.cli.outputs import require_place
 
 if TYPE_CHECKING:
     from duoglide.playback.compare import Comparison
@@ -60,6 +61,7 @@ def log(
 
     A log that was killed or damaged is read up to its last whole record.
     """
+    require_place(csv, parquet, candump, foxglove)
     from duoglide.storage import read_log
 
     opened = read_log(file)

@@ -9,6 +9,7 @@ import typer
 
 from duoglide.cli.console import percent, progress, say, say_facts, say_json
 from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.outputs import require_picture, require_place
 from duoglide.cli.program import Lift, Pick, Place, Program, Tolerance, read_path
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Check a path, time it near its optimum under the carriages' limits, and write the plan."""
+    require_place(out)
+    require_picture(picture)
     described = load_machine(machine)
     path = read_path(program, pick, place, lift, tolerance)
     from duoglide.planning.plan import plan as make_plan

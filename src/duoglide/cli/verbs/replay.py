@@ -17,6 +17,7 @@ from duoglide.cli.options import (
     load_machine,
     override_factor,
 )
+from duoglide.cli.outputs import require_place
 from duoglide.errors import InputError
 
 _EXAMPLE = """\
@@ -57,6 +58,7 @@ def replay(
     A candump log is sent frame by frame with the timing that it has, and nothing is checked.
     """
     factor = override_factor(override) if override is not None else None
+    require_place(log)
     if run.suffix == ".log":
         _play(run, bus, as_json)
         return

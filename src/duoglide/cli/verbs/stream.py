@@ -18,6 +18,7 @@ from duoglide.cli.options import (
     load_machine,
     override_factor,
 )
+from duoglide.cli.outputs import require_place
 from duoglide.errors import LogError
 
 _EXAMPLE = """\
@@ -48,6 +49,7 @@ def stream(
 ) -> None:
     """Bring up the drives of a bus and stream a plan to them; Ctrl-C stops along the path."""
     factor = override_factor(override)
+    require_place(log)
     from duoglide.motion.trajectory import Trajectory
 
     trajectory = Trajectory.load(plan)

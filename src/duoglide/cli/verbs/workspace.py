@@ -9,6 +9,7 @@ import typer
 
 from duoglide.cli.console import say, say_facts, say_json, triple, working
 from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.outputs import require_picture
 
 if TYPE_CHECKING:
     from duoglide.kinematics.workspace import WorkspaceReport
@@ -35,6 +36,7 @@ def workspace(
     as_json: Json = False,
 ) -> None:
     """Measure the workspace: its size, the largest free box, the deepest and the best pose."""
+    require_picture(picture)
     described = load_machine(machine)
     from duoglide.kinematics.workspace import analyse
 

@@ -1,0 +1,35 @@
+"""Files to write, looked at before the long work begins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from duoglide.errors import InputError
+
+_PICTURES = (".png", ".pdf", ".svg")
+
+
+def require_place(*files: Path | None) -> None:
+    """Refuse files that could not be written in the end.
+
+    Raises:
+        InputError: The folder is not there, or the file is a folder.
+    """
+    for file in files:
+        if file is None:
+            continue
+        if file.is_dir():
+            raise InputError(f"cannot write {file}: it is a folder")
+        if not file.parent.is_dir():
+            raise InputError(f"cannot write {file}: there is no folder {file.parent}")
+
+
+def require_picture(file: Path | None) -> None:
+    """Refuse a picture that could not be drawn in the end.
+
+    Raises:
+        InputError: Its suffix is none of ours, or there is no place for it.
+    """
+    if file is not None and file.suffix.lower() not in _PICTURES:
+        raise InputError(f"{file}: a picture ends in {', '.join(_PICTURES)}")
+    require_place(file)

@@ -1,0 +1,234 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import pytest
+import typer
+
+import duoglide as dg
+from duoglide.cli.main import app, run
+from duoglide.storage import LogKind, LogWriter
+
+PICK = ["--pick", "-41,-60,300", "--place", "-41,60,300"]
+VERBS = sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]  # a group
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 1) -> str:
+    """Run a command that must fail; return its one line on stderr."""
+    assert run(arguments) == code
+    captured = capsys.readouterr()
+    lines = captured.err.strip().splitlines()
+    assert len(lines) == 1, captured.err
+    assert lines[0].startswith("duoglide: ")
+    assert "Traceback" not in captured.out + captured.err
+    return lines[0]
+
+
+def test_every_verb_has_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    for verb in VERBS:
+        assert run([verb, "--help"]) == 0
+        out = capsys.readouterr().out
+        assert f"duoglide {verb}" in out.split("Examples:")[1], verb
+    assert set(VERBS) >= {
+        "check", "demo", "drives", "figures", "log", "machine", "plan", "replay", "stream", "view",
+        "workspace",
+    }  # fmt: skip
+
+
+def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert dg.__version__ in capsys.readouterr().out
+    assert run(["--help"]) == 0
+    assert run([]) == 2
+    assert "Usage" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["paln"], "Did you mean"),
+        (["plan"], "PROGRAM"),
+        (["plan", "--pick", "1,2,3"], "--place"),
+        (["plan", "--pick", "1,2", "--place", "1,2,3"], "x,y,z"),
+        (["plan", "--pick", "one,2,3", "--place", "1,2,3"], "'one' is no number"),
+        (["plan", "--pick", "nan,2,3", "--place", "1,2,3"], "not finite"),
+        (["plan", *PICK, "--lift", "high"], "--lift"),
+        (["plan", *PICK, "--tolerance", "inf"], "--tolerance"),
+        (["plan", "--nonsense"], "--nonsense"),
+        (["check", "program.toml", *PICK], "do not go with"),
+        (["stream"], "plan"),
+        (["stream", "plan.mcap", "--override", "0"], "above 0"),
+        (["replay", "run.mcap", "--override", "150"], "at most 100"),
+        (["view", "--port", "99999"], "65535"),
+    ],
+)
+def test_wrong_use_is_one_line_and_code_2(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = refused(arguments, capsys, code=2)
+    assert words in line
+    assert "--help" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "none.toml"], "none.toml"),
+        (["plan", *PICK, "--machine", "none.toml"], "none.toml"),
+        (["plan", *PICK, "--lift", "-1"], "lift"),
+        (["plan", "--pick", "-41,-60,300", "--place", "-41,60,390"], "reach"),
+        (["plan", "--pick", "-41,-60,300", "--place", "-41,260,300"], "carriage 2"),
+        (["check", "--pick", "0,0,240", "--place", "0,50,300"], "legs_flat"),
+        (["stream", "none.mcap"], "none.mcap"),
+        (["replay", "none.mcap"], "none.mcap"),
+        (["replay", "none.log", "--bus", "udp:239.0.0.9:43999"], "none.log"),
+        (["replay", "frames.log"], "--bus"),
+        (["log", "none.mcap"], "none.mcap"),
+        (["drives", "--bus", "none"], "unknown bus 'none'"),
+        (["machine", "none.toml"], "none.toml"),
+        (["plan", *PICK, "--out", "none/plan.mcap"], "none/plan.mcap"),
+        (["plan", *PICK, "--picture", "plan.docx"], "docx"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_code_1(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert words in refused(arguments, capsys)
+
+
+def test_a_refused_plan_leaves_nothing_behind(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "plan.mcap").write_bytes(b"the old plan")
+    refused(["plan", "--pick", "-41,-60,300", "--place", "-41,60,390"], capsys)
+    assert [file.name for file in tmp_path.iterdir()] == ["plan.mcap"]
+    assert (tmp_path / "plan.mcap").read_bytes() == b"the old plan"
+
+
+@pytest.mark.parametrize("content", [b"", b"rubbish", b"\x89MCAP0\r\n" + bytes(200)])
+def test_broken_files_are_refused(content: bytes, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("x.mcap", "x.toml", "x.csv", "x.gcode", "x.log"):
+        Path(name).write_bytes(content)
+    for arguments in (
+        ["log", "x.mcap"],
+        ["stream", "x.mcap"],
+        ["replay", "x.mcap"],
+        ["plan", "x.toml"],
+        ["plan", "x.csv"],
+        ["plan", "x.gcode"],
+        ["plan", *PICK, "--machine", "x.toml"] if content else ["log", "x.mcap"],
+    ):
+        assert "x." in refused(arguments, capsys)
+
+
+def test_a_machine_file_with_an_error_names_the_key(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("cell.toml").write_text("[geometry]\nleg_lenght = 160\n")
+    assert "geometry.leg_length" in refused(["machine", "cell.toml"], capsys)
+    Path("cell.toml").write_text('clearance = "wide"\n')
+    assert "clearance" in refused(["check", *PICK, "--machine", "cell.toml"], capsys)
+
+
+def test_a_machine_file_is_written_once_and_read_back(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["machine", "--out", "cell.toml"]) == 0
+    assert dg.Machine.load("cell.toml").to_dict() == dg.Machine.default().to_dict()
+    capsys.readouterr()
+    assert "--force" in refused(["machine", "--out", "cell.toml"], capsys)
+    assert run(["machine", "cell.toml", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["clearance"] == 2.0
+
+
+def test_check_explains_in_words_and_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", *PICK, "--picture", "path.png"]) == 0
+    out = capsys.readouterr().out
+    assert "the machine can follow this path" in out
+    assert "of rail left to carriage 1" in out
+    assert Path("path.png").stat().st_size > 10_000
+    assert run(["check", *PICK, "--json"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers["accepted"]
+    assert numbers["least"]["clearance"]["margin"] > 2.0
+    assert run(["check", "--pick", "-41,0,300", "--place", "-41,0,390", "--json"]) == 1
+    assert not json.loads(capsys.readouterr().out)["accepted"]
+
+
+def test_plan_writes_what_log_and_python_read(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("program.csv").write_text("x,y,z\n-41,-50,300\n-41,50,300\n")
+    assert run(["plan", "program.csv", "--json", "--picture", "plan.png"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers["duration"] == dg.Trajectory.load("plan.mcap").duration
+    assert max(map(max, numbers["use"].values())) <= 1.001
+    assert Path("plan.png").stat().st_size > 10_000
+    assert run(["log", "plan.mcap"]) == 0
+    assert "a plan" in capsys.readouterr().out
+    assert run(["log", "plan.mcap", "--csv", "plan.csv"]) == 0
+    assert Path("plan.csv").read_text().startswith("path_time_s,x_mm")
+    assert "not a run" in refused(["replay", "plan.mcap"], capsys)
+    assert "must not take the place" in refused(
+        ["stream", "plan.mcap", "--log", "plan.mcap"], capsys
+    )
+
+
+def test_a_torn_log_is_summarised_with_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    with LogWriter("torn.mcap", LogKind.RUN) as log:
+        log.attach("machine", dg.Machine.default().to_dict())
+        log.attach("filler", ["x"] * 1000)
+        log.flush()
+    file = Path("torn.mcap")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert run(["log", "torn.mcap"]) == 0
+    captured = capsys.readouterr()
+    assert "missing" in captured.out
+    assert captured.err.startswith("duoglide: warning: torn.mcap: the log")
+
+
+def test_a_missing_extra_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["plan", "--pick", "-41,0,300", "--place", "-41,40,300"]) == 0
+    capsys.readouterr()
+    for module in ("pyarrow", "pyarrow.parquet", "viser"):
+        monkeypatch.setitem(sys.modules, module, None)
+    assert "duoglide[parquet]" in refused(["log", "plan.mcap", "--parquet", "p.parquet"], capsys)
+    assert "duoglide[view]" in refused(["view", "--port", "0"], capsys)
+    assert not Path("p.parquet").exists()
+
+
+def test_the_workspace_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["workspace", "--json", "--picture", "workspace.svg"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers["depth"] == pytest.approx(67.7, abs=0.1)  # PAPER.md: deepest point (-41, 302)
+    assert Path("workspace.svg").stat().st_size > 10_000
+
+
+def test_a_reader_that_leaves_is_no_traceback() -> None:
+    command = f"{sys.executable} -m duoglide.cli machine --json | head -n 1"
+    done = subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout == "{\n"
+    assert done.stderr == ""
+
+
+def test_help_is_quick() -> None:
+    def seconds(arguments: list[str]) -> float:
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, *arguments], capture_output=True, check=True, timeout=60)
+        return time.perf_counter() - begin
+
+    plain = min(
+        seconds(["-c", "import typer, rich.console, rich.panel, rich.table"]) for _ in "123"
+    )
+    ours = min(seconds(["-m", "duoglide.cli", "--help"]) for _ in "123")
+    assert ours < 3.0 * plain + 0.5, "heavy libraries are loaded only by the verbs that need them"
