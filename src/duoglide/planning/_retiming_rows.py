@@ -19,6 +19,7 @@ from numba import njit
 from duoglide.arrays import FloatArray
 
 POINTS = 3  # of a cell
+_BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
 _LEAST = 0.02  # of alpha at a node, that its Bernstein coefficient keeps
 
 
@@ -42,6 +43,21 @@ def _basis(delta: float, unit: float, point: int, out: FloatArray) -> None:
 basis_rows = njit(cache=True)(_basis)
 
 
+def _alpha(delta: float, unit: float, u: float, out: FloatArray) -> None:
+    """Write alpha at share ``u`` of a cell as a row, (4,)."""
+    v = 1.0 - u
+    slope = 2.0 * delta / unit
+    out[:] = (
+        v * v * (1.0 + 2.0 * u),
+        slope * u * v * v,
+        u * u * (1.0 + 2.0 * v),
+        -slope * u * u * v,
+    )
+
+
+alpha_row = njit(cache=True)(_alpha)
+
+
 def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray) -> Any:
     """Return the rows (first unknown, four factors, bound) of every limit.
 
@@ -58,7 +74,7 @@ def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray
     cells = delta.size
     ma = acceleration.shape[2]
     mj = jerk.shape[2]
-    count = (2 * cells + 1) * (1 + 2 * ma) + 6 * cells * mj + 2 * cells
+    count = (2 * cells + 1) * (1 + 2 * ma) + 6 * cells * mj + 4 * cells
     first = np.empty(count, np.int64)
     rows = np.zeros((count, 4))
     bounds = np.ones(count)
@@ -71,6 +87,11 @@ def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray
             weight = 1.0 / tangent[k, 2 * end]
             rows[r, 2 * end] = -(1.0 - _LEAST) * weight
             rows[r, 2 * end + 1] = (2.0 * end - 1.0) * weight * delta[k] / (1.5 * unit)
+            r += 1
+        for half in range(2):
+            first[r] = 2 * k
+            alpha_row(delta[k], unit, 0.25 + 0.5 * half, rows[r])
+            rows[r] *= 0.5 * (speed[k, half] + speed[k, half + 1])
             r += 1
         for point in range(POINTS):
             basis_rows(delta[k], unit, point, basis)
@@ -104,19 +125,20 @@ limit_rows = njit(cache=True)(_limit_rows)
 
 
 def _duration_points(delta: FloatArray, unit: float) -> Any:
-    """Return alpha at the points of each cell as rows, and Simpson's weights."""
-    cells = delta.size
-    first = np.empty(3 * cells, np.int64)
-    points = np.empty((3 * cells, 4))
-    weights = np.empty(3 * cells)
-    basis = np.empty((3, 4))
-    for k in range(cells):
-        for point in range(POINTS):
-            p = 3 * k + point
-            basis_rows(delta[k], unit, point, basis)
+    """Return alpha at five points of each cell as rows, and Boole's weights.
+
+    With fewer points an alpha that swings between them would cost nothing.
+    """
+    count = _BOOLE.size
+    first = np.empty(count * delta.size, np.int64)
+    points = np.empty((count * delta.size, 4))
+    weights = np.empty(count * delta.size)
+    for k in range(delta.size):
+        for j in range(count):
+            p = count * k + j
             first[p] = 2 * k
-            points[p] = basis[0]
-            weights[p] = delta[k] * (4.0 if point == 1 else 1.0) / 6.0
+            alpha_row(delta[k], unit, j / (count - 1.0), points[p])
+            weights[p] = delta[k] * _BOOLE[j]
     return first, points, weights
 
 

@@ -38,7 +38,7 @@ def grid(
     for low, high in pairwise(ends):
         count = max(int(np.ceil((high - low) / step - 0.3)), least)
         free.append(np.linspace(low, high, count + 1)[1:-1])
-    kept = _apart(np.interp(wished, theta, shown), ends, _NEAR * step)
+    kept = _apart(np.interp(wished, theta, shown), ends[1:-1], _NEAR * step)
     evenly = _apart(np.concatenate(free), kept, _NEAR * step)
     return np.union1d(np.interp(np.concatenate([kept, evenly]), shown, theta), fixed)
 
