@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import time
 from pathlib import Path
 
 import can
+import can.interfaces.virtual
 import pytest
 
 from duoglide.drives import faults, pdo
@@ -116,6 +118,47 @@ def test_drives_in_this_process_answer_on_an_open_bus() -> None:
         finally:
             done.set()
             thread.join()
+
+
+class Flaky(can.interfaces.virtual.VirtualBus):
+    """A bus whose link can go down, or fail for good."""
+
+    failure = 0
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if self.failure:
+            raise can.CanOperationError("no link", self.failure)
+        return super()._recv_internal(timeout)  # type: ignore[no-any-return]
+
+
+def test_drives_outlive_a_link_that_goes_down_and_up() -> None:
+    rack = build_rack(DriveSettings(), (0.0, 0.0, 0.0))
+    done = threading.Event()
+    with Flaky("flaky") as theirs, open_bus("inprocess:flaky") as ours:
+        thread = threading.Thread(target=serve_drives, args=(theirs, rack, done.is_set))
+        thread.start()
+        try:
+            theirs.failure = errno.ENETDOWN
+            time.sleep(0.05)
+            assert thread.is_alive()
+            theirs.failure = 0
+            while ours.recv(0.05) is not None:
+                pass
+            ours.send(can.Message(arbitration_id=0, data=b"\x81\x02", is_extended_id=False))
+            heard = ours.recv(2.0)
+            assert heard is not None
+            assert heard.arbitration_id == pdo.HEARTBEAT + 2
+        finally:
+            done.set()
+            thread.join()
+
+
+def test_a_bus_that_fails_for_good_is_an_error() -> None:
+    rack = build_rack(DriveSettings(), (0.0, 0.0, 0.0))
+    with Flaky("broken") as bus:
+        bus.failure = errno.EBADF
+        with pytest.raises(can.CanOperationError, match="no link"):
+            serve_drives(bus, rack, lambda: False)
 
 
 def test_limit_switches_are_where_the_machine_file_says() -> None:

@@ -6,6 +6,7 @@ programs connect to.
 
 from __future__ import annotations
 
+import errno
 import multiprocessing
 import subprocess
 import sys
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 _START_PATIENCE = 20.0  # how long the process may take to come up [s]
 _ANSWER_PATIENCE = 5.0
+_PASSING = frozenset({errno.ENETDOWN, errno.ENETUNREACH, errno.ENOBUFS})  # a link that is down
 _NEGATIVE_SWITCH, _POSITIVE_SWITCH = 17, 18  # homing methods
 DISMISS = "dismiss"  # the last thing in the pipe, if all goes well
 
@@ -72,24 +74,39 @@ def _with_switch(parameters: PlantParameters, settings: DriveSettings, i: int) -
 def serve_drives(bus: can.BusABC, rack: DriveRack, until: Callable[[], bool]) -> None:
     """Let the drives take part in an open bus until ``until`` says so.
 
+    While a link is down the drives live on: their frames are lost and their watchdogs see it.
+
     Raises:
-        can.CanError: The bus has failed.
+        can.CanError: The bus has failed for good.
     """
+    import can
+
     send = frame_sender(bus)
     waiting: list[tuple[int, bytes]] = []
     rack.attach(lambda can_id, data: waiting.append((can_id, data)))
     while not until():
-        now = time.monotonic_ns() // 1000
-        message = bus.recv(rack.patience)
-        while message is not None:
-            if not (message.is_error_frame or message.is_remote_frame):
-                stamp = time.monotonic_ns() // 1000
-                rack.receive(message.arbitration_id, bytes(message.data), stamp)
-            message = bus.recv(0.0)
-        rack.poll(now)
-        if waiting:
-            send(waiting)
-            waiting.clear()
+        now = time.monotonic_ns() // 1000  # before looking: all that came until now will be read
+        try:
+            _receive_all(bus, rack)
+            rack.poll(now)
+            if waiting:
+                send(waiting)
+        except can.CanOperationError as error:
+            if error.error_code not in _PASSING:
+                raise
+            rack.poll(now)
+            time.sleep(rack.patience)
+        waiting.clear()
+
+
+def _receive_all(bus: can.BusABC, rack: DriveRack) -> None:
+    """Hand over what waits on the bus, or what comes within the drives' patience."""
+    message = bus.recv(rack.patience)
+    while message is not None:
+        if not (message.is_error_frame or message.is_remote_frame):
+            now = time.monotonic_ns() // 1000
+            rack.receive(message.arbitration_id, bytes(message.data), now)
+        message = bus.recv(0.0)
 
 
 class SimulatedDrives:
