@@ -253,6 +253,9 @@ def test_a_pose_on_the_edge_up_to_rounding_is_reached(geometries: list[dg.Geomet
             if np.hypot(X, Z) < geometry.strut_length:
                 pose = (cx + u, 3.0, z)
                 assert dg.reachable(geometry, pose, mode)
+                sides = dg.margins(geometry, pose, mode)
+                assert 0.0 <= sides.legs_vertical < 1e-5
+                assert sides.legs_parallel >= 0.0
                 carriages = dg.inverse(geometry, pose, mode)
                 half = 0.5 * geometry.coupler_length
                 atol = 1e-4 if abs(x_share) < 1.0 else 0.1  # at a corner of reach: a root of a root
