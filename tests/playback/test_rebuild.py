@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.control.fitness import require_fit
 from duoglide.control.program import prepare
 from duoglide.motion.actions import WaitInput
+from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import recheck, recheck_repaced
 from duoglide.storage import CycleRecord, LogKind, LogWriter, Phase, Topic, read_log
@@ -47,6 +49,7 @@ def test_a_changed_pace_keeps_the_stop_limits(
     recorded = rebuild(read_log(write_run(paced({25: 0.9, 70: 1.0}))))
     bound = recheck_repaced(trajectory.machine, recorded.motion)
     assert bound.duration > trajectory.duration
+    require_fit(bound, trajectory.machine)
     from dataclasses import replace
 
     limits = trajectory.machine.limits
@@ -118,9 +121,11 @@ def test_the_override_that_an_error_names_would_do(trajectory: dg.Trajectory) ->
     with pytest.raises(dg.LimitError) as refused:
         recheck(slow, trajectory)
     percent = float(str(refused.value).split("--override ")[1].split()[0])
-    bound = recheck(slow, trajectory, percent / 100.0)
+    share = percent / 100.0
+    bound = recheck(slow, slowed(trajectory, share), share)
     assert bound.machine is slow
-    assert np.array_equal(bound.at(0.1).carriages, trajectory.at(0.1).carriages)
+    assert np.allclose(bound.at(0.1 / share).carriages, trajectory.at(0.1).carriages, atol=1e-9)
+    require_fit(bound, slow)
 
 
 def test_a_held_run_with_waits_is_not_replayed_as_it_was(

@@ -10,6 +10,7 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import ConfigError, DuoglideError, LimitError, PathError
 from duoglide.kinematics.home import room
 from duoglide.kinematics.model import inverse
+from duoglide.motion.timing_report import TimingMethod
 
 if TYPE_CHECKING:
     from duoglide.control.scale import Triple
@@ -45,6 +46,8 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
     state, positions = trajectory.at(times), trajectory.position_at(times)
     _require_geometry(machine, positions, state.carriages)
     _require_room(machine, positions, times)
+    if trajectory.report.method is TimingMethod.RECORDED:
+        return _require_stop_limits(machine, trajectory)
     return _require_limits(machine, state, times)
 
 
@@ -89,3 +92,32 @@ def _require_limits(machine: Machine, state: State, times: FloatArray) -> LimitU
         first, second, third = use.max(axis=0).tolist()
         uses.append((first, second, third))
     return uses[0], uses[1], uses[2]
+
+
+def _require_stop_limits(machine: Machine, trajectory: Trajectory) -> LimitUse:
+    """Check a recorded motion, which may use the stop limits, and is known at its cycles only."""
+    use = cycle_use(trajectory, machine)
+    if use.max() > _LIMIT_RESERVE:
+        order, carriage = np.unravel_index(int(np.argmax(use)), use.shape)
+        name = ("velocity", "acceleration", "jerk")[order]
+        raise LimitError(
+            f"the recorded motion uses {100.0 * use.max():.1f} % of stop_limits.{name} of carriage"
+            f" {carriage + 1} of this machine: replay its plan instead"
+        )
+    velocity, acceleration, jerk = ((a, b, c) for a, b, c in use.tolist())
+    return velocity, acceleration, jerk
+
+
+def cycle_use(trajectory: Trajectory, machine: Machine) -> FloatArray:
+    """Return the use of ``machine.stop_limits`` by the positions that the cycles will send.
+
+    Measured by their differences; from and to rest. Shape (3, 3): velocity, acceleration and jerk
+    of each carriage.
+    """
+    cycle, limits = machine.drives.cycle, machine.stop_limits
+    steps = trajectory.at(np.arange(-3, np.ceil(trajectory.duration / cycle) + 4) * cycle).carriages
+    uses = []
+    for limit in (limits.velocity, limits.acceleration, limits.jerk):
+        steps = np.diff(steps, axis=0) / cycle
+        uses.append(np.abs(steps).max(axis=0) / limit)
+    return np.array(uses)

@@ -14,6 +14,7 @@ class TimingMethod(StrEnum):
     NEAR_OPTIMAL = "near-optimal"
     CERTIFIED_SLOW = "certified, slower"
     TRANSFER = "transfer"
+    RECORDED = "recorded"  # the pace of a run, whose changes may have used the stop limits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import ACCELERATION, TIME, Profile
+from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.stopping import stop_bounds
 
 _PARTS = 4  # knots a cycle
 _APART = 2e-5  # [s] at least between two knots
+
+
+def slowed(trajectory: Trajectory, override: float) -> Trajectory:
+    """Return a trajectory at a share of its speed, 0 to 1, as a trajectory of its own.
+
+    Unlike an override of the stream it stays within slower limits whatever the operator does.
+    """
+    if override == 1.0:
+        return trajectory
+    times = tuple((t / override, action) for t, action in trajectory.actions)
+    draft = replace(trajectory, profile=trajectory.profile.stretched(1.0 / override), actions=times)
+    return replace(draft, stops=stop_bounds(draft))
 
 
 def repaced_profile(plan: Profile, times: FloatArray, u: FloatArray, rate: FloatArray) -> Profile:

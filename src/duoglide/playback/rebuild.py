@@ -15,6 +15,7 @@ from duoglide.arrays import FloatArray
 from duoglide.control.scale import Scales
 from duoglide.errors import ConfigError, InputError, LogError
 from duoglide.motion.actions import WaitInput
+from duoglide.motion.timing_report import TimingMethod
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.stopping import stop_bounds
 from duoglide.playback.pace import repaced_profile
@@ -133,5 +134,6 @@ def _repaced(plan: Trajectory, data: RunData, rows: IntArray, times: FloatArray)
     actions = tuple(
         (float(times[np.searchsorted(u, t)]), action) for t, action in plan.actions if t <= u[-1]
     )
-    draft = replace(plan, profile=profile, actions=actions)
+    report = replace(plan.report, method=TimingMethod.RECORDED)
+    draft = replace(plan, profile=profile, actions=actions, report=report)
     return replace(draft, stops=stop_bounds(draft))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from duoglide.arrays import FloatArray
+from duoglide.control.fitness import cycle_use
 from duoglide.errors import LimitError
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
@@ -26,7 +27,7 @@ def recheck(machine: Machine, trajectory: Trajectory, override: float = 1.0) -> 
     Args:
         machine: Who shall follow it.
         trajectory: What.
-        override: At which share of its speed, 0 to 1.
+        override: The share of the plan's speed that it runs at already, for the error.
 
     Returns:
         The same motion, bound to ``machine``.
@@ -38,30 +39,21 @@ def recheck(machine: Machine, trajectory: Trajectory, override: float = 1.0) -> 
     """
     bound = _bind(machine, trajectory)
     audit = bound.audit()
-    uses = np.array([audit.velocity, audit.acceleration, audit.jerk])
-    _require_limits(uses * override ** np.arange(1.0, 4.0)[:, None], override)
+    _require_limits(np.array([audit.velocity, audit.acceleration, audit.jerk]), override)
     return bound
 
 
 def recheck_repaced(machine: Machine, trajectory: Trajectory) -> Trajectory:
     """Do what ``recheck`` does for the motion of a run whose pace was changed on the way.
 
-    A change of pace may use ``machine.stop_limits``. It is known at the cycles only, and measured
-    there: by differences of the positions that are sent.
+    A change of pace may use ``machine.stop_limits``, and is known at the cycles only.
 
     Raises:
         PathError: The machine cannot follow the path.
         LimitError: It asks more of a carriage than ``machine.stop_limits``.
     """
     bound = _bind(machine, trajectory)
-    cycle, limits = machine.drives.cycle, machine.stop_limits
-    times = np.arange(-3, np.ceil(trajectory.duration / cycle) + 4) * cycle
-    steps = bound.at(times).carriages
-    uses = []
-    for limit in (limits.velocity, limits.acceleration, limits.jerk):
-        steps = np.diff(steps, axis=0) / cycle
-        uses.append(np.abs(steps).max(axis=0) / limit)
-    _require_limits(np.array(uses), 1.0)
+    _require_limits(cycle_use(bound, machine), 1.0)
     return bound
 
 

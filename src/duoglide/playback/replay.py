@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from duoglide.errors import LogError
+from duoglide.arrays import as_number
+from duoglide.errors import InputError, LogError
+from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import recheck, recheck_repaced
 from duoglide.storage import Document, read_log
@@ -33,9 +35,10 @@ def replay(
         log: Where to record the new run; None: nowhere.
         approach: Whether to make a planned, checked approach where the machine is not at the
             start; a run that began with an approach always makes one again.
-        override: Speed as a share of the plan's, 0 to 1; None: the pace that was recorded.
+        override: Speed as a share of the plan's, above 0 to 1; None: the pace that was recorded.
 
     Raises:
+        InputError: An override that is no such share.
         LogError: The log cannot be read, or does not hold a run that can be replayed.
         PathError: The machine cannot follow the path; says where, what and by how much.
         LimitError: The motion is too quick for the machine; says what would do.
@@ -52,12 +55,23 @@ def replay(
     if override is None and not recorded.at_full_speed:
         trajectory = recheck_repaced(described, recorded.motion)
     else:
-        trajectory = recheck(described, recorded.plan, 1.0 if override is None else override)
+        share = 1.0 if override is None else require_share(override)
+        trajectory = recheck(described, slowed(recorded.plan, share), share)
     from duoglide.control.robot import Robot
 
     with Robot.connect(described, bus=bus) as robot:
         robot.enable()
         robot.home()
-        return robot.run(
-            trajectory, log=log, approach=approach, override=1.0 if override is None else override
-        )
+        return robot.run(trajectory, log=log, approach=approach)
+
+
+def require_share(override: float) -> float:
+    """Return a speed override as a float.
+
+    Raises:
+        InputError: Not a number above 0 and up to 1.
+    """
+    share = as_number(override, "override")
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"override = {share:g}: must be above 0 and at most 1")
+    return share
