@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import can
+
 from duoglide.drives import pdo
 from duoglide.drives.linear_axis import object_dictionary
 from duoglide.drives.scale import Scale
 from duoglide.drives.sdo_client import SdoClient
-from duoglide.errors import DriveError
+from duoglide.errors import BusError, DriveError
 from duoglide.machine import DriveSettings
 
 if TYPE_CHECKING:
@@ -88,5 +90,8 @@ class DriveObjects:
         )
 
     def command(self, command: pdo.Nmt) -> None:
-        """Send an NMT command to this drive."""
-        self.network.send_message(pdo.NMT, pdo.pack_nmt(command, self.node_id))
+        """Send an NMT command to this drive; BusError if the bus has failed."""
+        try:
+            self.network.send_message(pdo.NMT, pdo.pack_nmt(command, self.node_id))
+        except can.CanError as error:
+            raise BusError(f"axis {self.number}, NMT {command.name}: {error}") from error
