@@ -25,6 +25,7 @@ from duoglide.kinematics.home import home_carriages
 from duoglide.storage import LogWarning, Topic, read_log
 
 MACHINE = dg.Machine.default()
+_ATTEMPTS = 4
 GENEROUS = 5.0  # s; what is asserted is that it happens, and what does not happen meanwhile
 
 HOST = """
@@ -38,6 +39,8 @@ with dg.Robot.connect(trajectory.machine, bus=bus) as robot:
     handle = robot.start(trajectory, log=log, approach=True, override=0.3)
     time.sleep(0.05)
     while handle.status.path_time < 0.06 or handle._current < 2:
+        if handle.done:
+            sys.exit(handle.wait())
         time.sleep(0.002)
     print(robot._connection.process.pid, flush=True)
     handle.wait()
@@ -55,12 +58,11 @@ def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Scene:
     """Drives, a host that streams to them, and its streamer."""
 
-    def __init__(self, drives: SimulatedDrives, host: subprocess.Popen[str], log: Path) -> None:
+    def __init__(
+        self, drives: SimulatedDrives, host: subprocess.Popen[str], streamer: int, log: Path
+    ) -> None:
         self.drives, self.host, self.log = drives, host, log
-        assert host.stdout is not None
-        line = host.stdout.readline()
-        assert line, "the host did not get to its run"
-        self.streamer = int(line)
+        self.streamer = streamer
         self.seen: list[tuple[DriveSnapshot, ...]] = []
 
     def watch_until(self, states: set[State]) -> float:
@@ -83,12 +85,17 @@ class Scene:
 
 @pytest.fixture
 def scene(plan_file: Path, tmp_path: Path) -> Iterator[Scene]:
-    with _scene(plan_file, tmp_path / "run.mcap") as scene:
-        yield scene
+    for attempt in range(_ATTEMPTS):
+        with _scene(plan_file, tmp_path / f"run{attempt}.mcap") as scene:
+            if scene is not None:
+                yield scene
+                return
+    pytest.fail("this computer is too busy: no host got to its run")
 
 
 @contextmanager
-def _scene(plan: Path, log: Path) -> Iterator[Scene]:
+def _scene(plan: Path, log: Path) -> Iterator[Scene | None]:
+    """Set a scene; None where the host was stopped before its time, by late cycles."""
     start = home_carriages(MACHINE).tolist()
     with SimulatedDrives(MACHINE.drives, start) as drives:
         host = subprocess.Popen(
@@ -97,15 +104,17 @@ def _scene(plan: Path, log: Path) -> Iterator[Scene]:
             stderr=subprocess.DEVNULL,
             text=True,
         )
-        scene = None
+        assert host.stdout is not None
+        streamer = 0
         try:
-            scene = Scene(drives, host, log)
-            yield scene
+            line = host.stdout.readline()
+            streamer = int(line or 0)
+            yield Scene(drives, host, streamer, log) if line else None
         finally:
-            for pid in [host.pid, *([scene.streamer] if scene else [])]:
-                _kill(pid)
+            host.kill()
+            if streamer:
+                _kill(streamer)
             host.wait()
-            assert host.stdout is not None
             host.stdout.close()
 
 

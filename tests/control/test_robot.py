@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.control.commission import creep, describe_drives
 from duoglide.control.motion import MotionState
 from duoglide.control.orders import Command
 from duoglide.control.supervise import Condition
@@ -160,6 +161,20 @@ def test_a_drive_that_reboots_has_lost_its_reference(ready: dg.Robot, there: dg.
     ready.enable()
     with pytest.raises(dg.NotHomedError):
         ready.run(there)
+
+
+def test_a_creep_shows_what_the_drive_reports_and_returns(ready: dg.Robot) -> None:
+    before = ready.carriages
+    check = creep(ready, 2, 1.0)
+    np.testing.assert_allclose(check.moved, (0.0, 1.0, 0.0), atol=0.05)
+    np.testing.assert_allclose(ready.carriages, before, atol=0.05)
+
+
+def test_drives_describe_themselves_to_whoever_asks(ready: dg.Robot) -> None:
+    reports = describe_drives(MACHINE, ready.bus)
+    assert [report.axis for report in reports] == [1, 2, 3]
+    assert all(report.homed and not report.safe_torque_off for report in reports)
+    assert ready.enabled
 
 
 def test_a_trajectory_of_another_machine_is_refused(robot: dg.Robot) -> None:

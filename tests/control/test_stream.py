@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from duoglide.control.loop import run_cycles
 from duoglide.control.orders import Command, Happening
 from duoglide.control.power import Power
-from duoglide.control.stream import run_cycles
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
 from duoglide.motion.actions import SetOutput, WaitInput

@@ -7,9 +7,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-import numpy as np
-
 from duoglide.arrays import FloatArray, as_triples, read_only
+from duoglide.control.approach import way_to_start
 from duoglide.control.connection import Connection
 from duoglide.control.drivetrain import Drivetrain
 from duoglide.control.fitness import require_fit
@@ -19,7 +18,7 @@ from duoglide.control.report import RunReport
 from duoglide.control.run_log import RunLog
 from duoglide.control.verdict import require_success
 from duoglide.drives.cia402 import State, decode
-from duoglide.errors import DriveError, DuoglideError, PathError
+from duoglide.errors import DriveError, DuoglideError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward
 from duoglide.storage.records import Phase
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from duoglide.machine import Machine
     from duoglide.motion.trajectory import Trajectory
 
-START_TOLERANCE = 0.05  # [mm] that a carriage may be away from the start of a run
 _STOP_PATIENCE = 10.0  # [s] for a stop on the path, at any override
 
 
@@ -140,6 +138,11 @@ class Robot:
     def carriages(self) -> FloatArray:
         """Where the drives say that the carriages are [mm], shape (3,)."""
         return read_only(self._drives.carriages)
+
+    @property
+    def held(self) -> FloatArray:
+        """Where the setpoints hold the carriages [mm], shape (3,)."""
+        return read_only(self._drives.held)
 
     @property
     def position(self) -> FloatArray:
@@ -255,7 +258,7 @@ class Robot:
         if not self._drives.enabled:
             raise DriveError("a run needs power: enable the drives first")
         use = require_fit(trajectory, self.machine)
-        way = self._way_to(trajectory, approach)
+        way = way_to_start(self.machine, self._drives.held, trajectory, approach)
         run_log = None
         if log is not None:
             run_log = RunLog(Path(log), self.machine, trajectory, way, self.bus)
@@ -274,29 +277,6 @@ class Robot:
         run = self._run
         if run is not None and not run.done:
             run.stop()
-
-    def _way_to(self, trajectory: Trajectory, approach: bool) -> Trajectory | None:
-        """Return the approach to a trajectory's start; None where the machine is there."""
-        held = self._drives.held
-        away = np.abs(held - trajectory.at(0.0).carriages)
-        if away.max() <= START_TOLERANCE:
-            return None
-        start = trajectory.position_at(0.0)
-        here = forward(self.machine.geometry, held)
-        if not approach:
-            axis = int(np.argmax(away)) + 1
-            where, there = (", ".join(f"{v:.3f}" for v in place) for place in (here, start))
-            raise PathError(
-                f"the machine is not at the start: carriage {axis} is {away.max():.3f} mm away"
-                f" (platform at ({where}), start at ({there}) mm); ask for an approach"
-                " (approach=True, --approach)",
-                position=tuple(here.tolist()),
-                quantity="start",
-                amount=float(away.max()),
-            )
-        from duoglide.planning.transfer import transfer
-
-        return transfer(self.machine, here, start)
 
     # Small moves
 

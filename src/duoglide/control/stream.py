@@ -7,7 +7,6 @@ process never reacts to a frame by sending one. The setpoint that follows acts a
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
@@ -16,16 +15,13 @@ from duoglide.control.orders import Command, Happening, Inbox, Outbox, Refusal, 
 from duoglide.control.power import Power, all_in, controlword
 from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.control.supervise import Condition, Reaction
-from duoglide.control.tracks import Dispatch
 from duoglide.control.watch import Watch
-from duoglide.drives import pdo
+from duoglide.control.wire import Wire
 from duoglide.drives.cia402 import State
-from duoglide.errors import BusError
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
-    from duoglide.control.clock import Clock
-    from duoglide.control.link import Frame, Link
+    from duoglide.control.link import Link
     from duoglide.control.scale import IntTriple
 
 SETPOINT_DELAY = (
@@ -48,25 +44,19 @@ class Streamer:
     """
 
     def __init__(self, link: Link, settings: StreamSettings, inbox: Inbox, outbox: Outbox) -> None:
-        self._link, self._settings = link, settings
+        self._settings = settings
         self._inbox, self._outbox = inbox, outbox
-        self._dispatch = Dispatch(settings.node_ids)
-        self._tracks = self._dispatch.tracks
-        self._ids = tuple(pdo.RPDO1 + node for node in settings.node_ids)
-        beat = (pdo.HEARTBEAT + settings.host_node, bytes((pdo.NmtState.OPERATIONAL,)))
-        self._sync: tuple[Frame, ...] = ((pdo.SYNC, b""),)
-        self._sync_and_beat: tuple[Frame, ...] = (*self._sync, beat)
+        self._wire = Wire(link, settings)
+        self._tracks = self._wire.tracks
         self._watch = Watch(settings.policy)
         self._motion: Motion | None = None
         self._setpoint, self._words = _ZEROS, _ZEROS
         self._sent = deque([_ZEROS] * (SETPOINT_DELAY + 1), SETPOINT_DELAY + 1)
         self._pace = (0.0, 0.0, Phase.HOLD, MotionState.NONE)  # path time, rate, of this cycle
         self._outputs = [0] * AXES
-        self._due: list[Frame] = []
         self._power, self._enabled = Power.SILENT, False
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
         self._leaving = 0
-        self._unsent = self._link_dead = False
         self.done = False
 
     def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
@@ -78,11 +68,8 @@ class Streamer:
             lateness: How long after its deadline it begins [ns].
             skipped: How many cycles before it were left out.
         """
-        self._unsent = False
-        every = self._settings.heartbeat_every
-        beat = number // every != self._cycle // every
-        self._transmit(self._sync_and_beat if beat else self._sync)
-        self._listen(1 + skipped)
+        self._wire.begin(number, self._cycle)
+        self._wire.listen(1 + skipped)
         if self._cycle:
             self._record()
         self._cycle, self._time, self._lateness, self._skipped = number, time, lateness, skipped
@@ -91,7 +78,7 @@ class Streamer:
         self._supervise()
         self._move()
         self._command()
-        self._watch.see_sending(self._unsent)
+        self._watch.see_sending(self._wire.unsent)
 
     def tell(
         self, kind: Happening, axis: int = 0, detail: int = 0, code: int = 0, value: float = 0.0
@@ -99,24 +86,7 @@ class Streamer:
         """Record an event of this cycle."""
         self._outbox.put_event(EventEntry(self._cycle, self._time, kind, axis, detail, code, value))
 
-    # The bus
-
-    def _transmit(self, frames: Sequence[Frame]) -> None:
-        try:
-            if self._link_dead:
-                raise BusError("the bus has failed")
-            self._link.send(frames)
-        except BusError:
-            self._unsent = True
-
-    def _listen(self, cycles: int) -> None:
-        try:
-            if not self._link_dead:
-                self._dispatch.take(self._link.receive())
-        except BusError:
-            self._link_dead = True
-        for track in self._tracks:
-            track.end_of_cycle(cycles)
+    # What is kept
 
     def _record(self) -> None:
         """Write the record of the cycle before, whose feedback has just come."""
@@ -209,8 +179,7 @@ class Streamer:
 
     def _set_outputs(self, axis: int, word: int) -> None:
         self._outputs[axis] = word
-        node = self._settings.node_ids[axis]
-        self._due.append((pdo.RPDO2 + node, pdo.OUTPUTS.pack(word)))
+        self._wire.switch(axis, word)
         self.tell(Happening.OUTPUT, axis=axis + 1, code=word)
 
     # When and how to stop
@@ -225,7 +194,7 @@ class Streamer:
         watch.see_axes(self._tracks, self._sent[0] if self._enabled else None)
         watch.see_time(self._skipped, self._outbox.signs_of_life)
         seen.moving = self._motion is not None
-        seen.bus_failed = self._link_dead or self._dispatch.bus_failed
+        seen.bus_failed = self._wire.failed
         seen.host_gone = self._inbox.host_gone
         if self._power is not Power.SILENT:
             self._judge()
@@ -328,43 +297,13 @@ class Streamer:
         self._setpoint = (first, second, third)
 
     def _command(self) -> None:
-        """Send the controlwords and setpoints of this cycle, and outputs that are due."""
-        frames = self._due
-        if self._power is not Power.SILENT:
-            first, second, third = (
-                controlword(self._power, track.state, self._cycle) for track in self._tracks
-            )
-            self._words = (first, second, third)
-            pack = pdo.SETPOINT.pack
-            frames = [
-                (identifier, pack(word, target))
-                for identifier, word, target in zip(
-                    self._ids, self._words, self._setpoint, strict=True
-                )
-            ] + frames
+        """Send what this cycle has to say."""
         self._sent.append(self._setpoint)
-        if frames:
-            self._transmit(frames)
-            self._due = []
-
-
-def run_cycles(streamer: Streamer, clock: Clock, period: int) -> None:
-    """Run cycles on absolute deadlines until the streamer is done.
-
-    A cycle that begins more than a period late has missed the next ones: they are skipped, and
-    the schedule stays what it was. Nothing is ever sent twice to catch up.
-
-    Args:
-        streamer: What to run.
-        clock: Whose deadlines.
-        period: Of the cycle [ns].
-    """
-    deadline, number = clock.now() + period, 0
-    while not streamer.done:
-        clock.sleep_until(deadline)
-        now = clock.now()
-        lateness = now - deadline
-        skipped = lateness // period
-        deadline += (1 + skipped) * period
-        number += 1 + skipped
-        streamer.cycle(number, now, lateness, skipped)
+        if self._power is Power.SILENT:
+            self._wire.flush()
+            return
+        first, second, third = (
+            controlword(self._power, track.state, self._cycle) for track in self._tracks
+        )
+        self._words = (first, second, third)
+        self._wire.command(self._words, self._setpoint)

@@ -14,12 +14,13 @@ import threading
 
 from duoglide.control.clock import MonotonicClock
 from duoglide.control.link import BusLink
+from duoglide.control.loop import run_cycles
 from duoglide.control.orders import Happening, Order
 from duoglide.control.process import LENGTH, ORDER, Assignment, receive_pickle
 from duoglide.control.program import Program
 from duoglide.control.realtime import become_helper, become_realtime
 from duoglide.control.ring import Ring
-from duoglide.control.stream import Streamer, run_cycles
+from duoglide.control.stream import Streamer
 from duoglide.drives.buses import open_bus
 from duoglide.errors import BusError
 from duoglide.motion.trajectory import Trajectory

@@ -1,0 +1,40 @@
+"""When cycles begin: absolute deadlines, late ones skipped."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from duoglide.control.clock import Clock
+
+
+class Cyclic(Protocol):
+    """Something that is done once a cycle."""
+
+    done: bool
+
+    def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
+        """Do one cycle."""
+        ...
+
+
+def run_cycles(work: Cyclic, clock: Clock, period: int) -> None:
+    """Run cycles on absolute deadlines until the work is done.
+
+    A cycle that begins more than a period late has missed the next ones: they are skipped, and
+    the schedule stays what it was. Nothing is ever sent twice to catch up.
+
+    Args:
+        work: What to do.
+        clock: Whose deadlines.
+        period: Of the cycle [ns].
+    """
+    deadline, number = clock.now() + period, 0
+    while not work.done:
+        clock.sleep_until(deadline)
+        now = clock.now()
+        lateness = now - deadline
+        skipped = lateness // period
+        deadline += (1 + skipped) * period
+        number += 1 + skipped
+        work.cycle(number, now, lateness, skipped)

@@ -1,0 +1,96 @@
+"""The cycle's frames: SYNC, heartbeat, setpoints and outputs out; the drives' words in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from duoglide.control.tracks import AxisTrack, Dispatch
+from duoglide.drives import pdo
+from duoglide.errors import BusError
+
+if TYPE_CHECKING:
+    from duoglide.control.link import Frame, Link
+    from duoglide.control.orders import StreamSettings
+    from duoglide.control.scale import IntTriple
+
+
+class Wire:
+    """The streamer's frames on one link.
+
+    A link that cannot be read is dead, and stays so: only a new streamer opens the bus again. A
+    frame that is not taken is a lost one; the next cycle tries anew.
+
+    Args:
+        link: The bus.
+        settings: Node numbers, and how often to send a heartbeat.
+
+    Attributes:
+        tracks: What has been heard of each drive.
+        unsent: Whether a frame of this cycle was not taken.
+    """
+
+    def __init__(self, link: Link, settings: StreamSettings) -> None:
+        self._link = link
+        self._nodes = settings.node_ids
+        self._every = settings.heartbeat_every
+        self._dispatch = Dispatch(settings.node_ids)
+        self.tracks: tuple[AxisTrack, ...] = self._dispatch.tracks
+        self._setpoint_ids = tuple(pdo.RPDO1 + node for node in settings.node_ids)
+        beat = (pdo.HEARTBEAT + settings.host_node, bytes((pdo.NmtState.OPERATIONAL,)))
+        self._sync: tuple[Frame, ...] = ((pdo.SYNC, b""),)
+        self._sync_and_beat: tuple[Frame, ...] = (*self._sync, beat)
+        self._outputs: list[Frame] = []
+        self._dead = False
+        self.unsent = False
+
+    @property
+    def failed(self) -> bool:
+        """Whether the link is dead, or its controller is bus-off or error-passive."""
+        return self._dead or self._dispatch.bus_failed
+
+    def begin(self, number: int, previous: int) -> None:
+        """Send SYNC, and the heartbeat when it is due between these two cycles."""
+        self.unsent = False
+        beat = number // self._every != previous // self._every
+        self._send(self._sync_and_beat if beat else self._sync)
+
+    def listen(self, cycles: int) -> None:
+        """Read what has come since the last time, ``cycles`` ago."""
+        try:
+            if not self._dead:
+                self._dispatch.take(self._link.receive())
+        except BusError:
+            self._dead = True
+        for track in self.tracks:
+            track.end_of_cycle(cycles)
+
+    def switch(self, axis: int, word: int) -> None:
+        """Send the outputs of one axis (index) with the frames of this cycle."""
+        self._outputs.append((pdo.RPDO2 + self._nodes[axis], pdo.OUTPUTS.pack(word)))
+
+    def command(self, words: IntTriple, targets: IntTriple) -> None:
+        """Send the controlwords and setpoints of this cycle, and outputs that are due."""
+        pack = pdo.SETPOINT.pack
+        self._send(
+            [
+                (identifier, pack(word, target))
+                for identifier, word, target in zip(self._setpoint_ids, words, targets, strict=True)
+            ]
+            + self._outputs
+        )
+        self._outputs = []
+
+    def flush(self) -> None:
+        """Send outputs that are due, and nothing else."""
+        if self._outputs:
+            self._send(self._outputs)
+            self._outputs = []
+
+    def _send(self, frames: Sequence[Frame]) -> None:
+        try:
+            if self._dead:
+                raise BusError("the bus has failed")
+            self._link.send(frames)
+        except BusError:
+            self.unsent = True
