@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
@@ -21,7 +22,7 @@ from duoglide.storage.schemas import schema_name, schema_of
 
 SEED = 7
 CYCLE = 0.002
-ALLOWED_TIME = 15.0  # us, in the mean
+ALLOWED_TIME = 15.0  # us of this process's own time, in the mean
 ALLOWED_SIZE = 150.0  # MB an hour
 
 
@@ -44,23 +45,31 @@ def cycles(count: int) -> list[CycleRecord]:
     return records
 
 
-def measure(write: Callable[[float, CycleRecord], None], records: list[CycleRecord]) -> list[float]:
-    """Time every message [us]."""
+@dataclass(frozen=True)
+class Costs:
+    """Of each message on the wall clock [us], and of all of them in the mean in CPU time [us]."""
+
+    each: list[float]
+    cpu: float
+
+
+def measure(write: Callable[[float, CycleRecord], None], records: list[CycleRecord]) -> Costs:
+    """Time every message."""
     costs = []
-    begin = time.monotonic()
+    begin, used = time.monotonic(), time.process_time()
     for n, record in enumerate(records):
         start = time.perf_counter_ns()
         write(begin + n * CYCLE, record)
         costs.append((time.perf_counter_ns() - start) * 1e-3)
-    return costs
+    return Costs(costs, (time.process_time() - used) / len(records) * 1e6)
 
 
-def ours(file: Path, records: list[CycleRecord]) -> list[float]:
+def ours(file: Path, records: list[CycleRecord]) -> Costs:
     with LogWriter(file, LogKind.RUN) as log:
         return measure(lambda t, record: log.write(Topic.CYCLE, t, record), records)
 
 
-def peer(file: Path, records: list[CycleRecord]) -> list[float]:
+def peer(file: Path, records: list[CycleRecord]) -> Costs:
     with file.open("wb") as stream:
         writer = Writer(stream, chunk_size=64 * 1024, compression=CompressionType.LZ4)
         writer.start()
@@ -78,17 +87,16 @@ def peer(file: Path, records: list[CycleRecord]) -> list[float]:
     return costs
 
 
-def report(name: str, costs: list[float], file: Path) -> tuple[float, float]:
-    """Print a line; return the mean time [us] and the size [MB an hour]."""
-    order = sorted(costs)
-    mean = sum(order) / len(order)
-    size = file.stat().st_size / (len(costs) * CYCLE) * 3600e-6
+def report(name: str, costs: Costs, file: Path) -> float:
+    """Print a line; return the size [MB an hour]."""
+    order = sorted(costs.each)
+    size = file.stat().st_size / (len(order) * CYCLE) * 3600e-6
     print(
-        f"{name:<6} median {order[len(order) // 2]:6.2f} us  mean {mean:6.2f}"
-        f"  99.9 % {order[int(0.999 * len(order))]:7.1f}  worst {order[-1]:8.1f}"
-        f"  {size:6.1f} MB an hour"
+        f"{name:<6} mean {costs.cpu:6.2f} us of CPU; on the clock median"
+        f" {order[len(order) // 2]:6.2f}  99.9 % {order[int(0.999 * len(order))]:7.1f}"
+        f"  worst {order[-1]:8.1f} us; {size:6.1f} MB an hour"
     )
-    return mean, size
+    return size
 
 
 def main() -> None:
@@ -98,14 +106,14 @@ def main() -> None:
     print(f"Python {platform.python_version()}, {platform.platform()}")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.mcap"
-        mean, size = report("ours", ours(file, records), file)
+        costs = ours(file, records)
+        size = report("ours", costs, file)
         assert [record for _, record in read_log(file).records(Topic.CYCLE)] == records
-        report("mcap", peer(Path(folder) / "peer.mcap", records), Path(folder) / "peer.mcap")
-    good = mean < ALLOWED_TIME and size < ALLOWED_SIZE
-    print(
-        f"allowed: {ALLOWED_TIME:g} us, {ALLOWED_SIZE:g} MB an hour: {'kept' if good else 'BROKEN'}"
-    )
-    sys.exit(0 if good else 1)
+        other = Path(folder) / "peer.mcap"
+        report("mcap", peer(other, records), other)
+    kept = "kept" if costs.cpu < ALLOWED_TIME and size < ALLOWED_SIZE else "BROKEN"
+    print(f"allowed: {ALLOWED_TIME:g} us, {ALLOWED_SIZE:g} MB an hour: {kept}")
+    sys.exit(kept != "kept")
 
 
 if __name__ == "__main__":
