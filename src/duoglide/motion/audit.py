@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from math import cbrt
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
 from duoglide.machine import CarriageLimits
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 
 RATE = 20_000.0  # samples per second of the finite differences
 AT_LIMIT = 0.98  # use from which a limit counts as the one that holds the motion back
-_CHUNK = 1 << 16
+MOST_SAMPLES = 500_000  # beyond that, exact derivatives are taken instead of differences
 _ROUNDING = 8.0 * 1.2e-13  # of a third difference of positions of some 500 mm [mm]
 
 
@@ -55,7 +57,8 @@ class Audit:
         velocity: Worst use of each carriage's velocity limit, 1.0 = at the limit, shape (3,).
         acceleration: The same for acceleration, shape (3,).
         jerk: The same for jerk, shape (3,).
-        period: Step of the differences [s].
+        period: Step of the differences [s]; 0 where the motion is so long that exact derivatives
+            at points of every piece of the profile were taken instead.
         duration: Of the trajectory [s].
         times: Where ``limiting`` and ``use`` were taken [s], shape (n,).
         use: Largest use of any limit at each time, shape (n,).
@@ -73,7 +76,7 @@ class Audit:
     duration: float
     times: FloatArray
     use: FloatArray
-    limiting: FloatArray
+    limiting: NDArray[np.intp]
     shares: tuple[Share, ...]
     fallback: str
     least_clearance: float
@@ -115,44 +118,68 @@ class Audit:
 
 def audit(trajectory: Trajectory) -> Audit:
     """Measure ``trajectory``: see ``Trajectory.audit``."""
-    limits = trajectory.machine.limits
-    step = _step(trajectory, limits)
-    worst = np.zeros((3, 3))
-    times, uses = [], []
-    # At rest the motion goes on as it is, so that the differences reach over the ends.
-    first, last = (-3 if trajectory.starts_at_rest else 0), 3 if trajectory.ends_at_rest else 0
-    count = int(np.floor(trajectory.duration / step)) + last
-    for begin in range(first, count + 1, _CHUNK):
-        grid = np.arange(begin, min(begin + _CHUNK, count) + 4) * step
-        grid = grid if last else grid[grid <= trajectory.duration]
-        uses_here = _difference_uses(trajectory.at(grid).carriages, step, limits)
-        for row, use in zip(worst, uses_here, strict=True):
-            np.maximum(row, use.max(axis=0, initial=0.0), out=row)
-        size = len(uses_here[2])
-        times.append(grid[:size] + 1.5 * step)
-        uses.append(np.concatenate([use[:size] for use in uses_here], axis=-1))
-    time, use = np.concatenate(times), np.concatenate(uses)
-    limiting = use.argmax(axis=-1)
-    peak = use.max(axis=-1)
+    step = _step(trajectory)
+    if trajectory.duration / step <= MOST_SAMPLES:
+        worst, times, use, limiting = _by_differences(trajectory, step)
+    else:
+        step = 0.0
+        worst, times, use, limiting = _by_pieces(trajectory)
     return Audit(
         velocity=read_only(worst[0]),
         acceleration=read_only(worst[1]),
         jerk=read_only(worst[2]),
         period=step,
         duration=trajectory.duration,
-        times=read_only(time),
-        use=read_only(peak),
+        times=read_only(times),
+        use=read_only(use),
         limiting=limiting,
-        shares=_shares(limiting, peak),
+        shares=_shares(times, limiting, use),
         fallback=trajectory.report.reason,
         least_clearance=trajectory.path.least_clearance,
     )
 
 
-def _step(trajectory: Trajectory, limits: CarriageLimits) -> float:
+Findings: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.intp]]
+
+
+def _by_differences(trajectory: Trajectory, step: float) -> Findings:
+    """Difference the positions that are sent every ``step``."""
+    limits = trajectory.machine.limits
+    # At rest the motion goes on as it is, so that the differences reach over the ends.
+    first, last = (-3 if trajectory.starts_at_rest else 0), 3 if trajectory.ends_at_rest else 0
+    grid = np.arange(first, int(trajectory.duration / step) + last + 1) * step
+    uses = _difference_uses(trajectory.at(grid).carriages, step, limits)
+    worst: FloatArray = np.stack([use.max(axis=0, initial=0.0) for use in uses])
+    size = len(uses[2])
+    times: FloatArray = grid[:size] + 1.5 * step
+    every = np.concatenate([use[:size] for use in uses], axis=-1)
+    return worst, times, every.max(axis=-1), every.argmax(axis=-1)
+
+
+def _by_pieces(trajectory: Trajectory) -> Findings:
+    """Take the exact derivatives, which bound the differences, at points of every piece."""
+    limits = trajectory.machine.limits
+    knots = trajectory.profile.knots[:, 0]
+    points = max(5, min(33, MOST_SAMPLES // len(knots)))
+    shares = (np.arange(points) + 0.5) / points
+    times = (knots[:-1, None] + shares * np.diff(knots)[:, None]).ravel()
+    state = trajectory.at(times)
+    every = np.concatenate(
+        [
+            np.abs(state.velocity) / limits.velocity,
+            np.abs(state.acceleration) / limits.acceleration,
+            np.abs(state.jerk) / limits.jerk,
+        ],
+        axis=-1,
+    )
+    worst = every.max(axis=0).reshape(3, 3)
+    return worst, times, every.max(axis=-1), every.argmax(axis=-1)
+
+
+def _step(trajectory: Trajectory) -> float:
     """Return the step of the differences: 20 kHz, or as small as rounding lets a jerk be seen."""
-    seen = (_ROUNDING / (1e-4 * limits.jerk.min())) ** (1.0 / 3.0)
-    return float(max(1.0 / RATE, seen, trajectory.duration / 5e6))
+    jerk = float(trajectory.machine.limits.jerk.min())
+    return max(1.0 / RATE, cbrt(_ROUNDING / (1e-4 * jerk)))
 
 
 def _difference_uses(
@@ -169,14 +196,13 @@ def _difference_uses(
     )
 
 
-def _shares(limiting: FloatArray, peak: FloatArray) -> tuple[Share, ...]:
-    at_limit = limiting[peak >= AT_LIMIT].astype(np.intp)
-    counts = np.bincount(at_limit, minlength=9)
-    order = np.argsort(-counts, kind="stable")
+def _shares(times: FloatArray, limiting: NDArray[np.intp], use: FloatArray) -> tuple[Share, ...]:
+    """Return how long each limit holds the motion back, the longest first."""
+    spans = np.gradient(times) if times.size > 1 else np.ones(times.size)
+    held = use >= AT_LIMIT
+    weights = np.bincount(limiting[held], weights=spans[held], minlength=9) / spans.sum()
     return tuple(
-        Share(
-            carriage=int(k) % 3 + 1, limit=Limit(int(k) // 3 + 1), share=counts[k] / len(limiting)
-        )
-        for k in order
-        if counts[k] > 0
+        Share(carriage=int(k) % 3 + 1, limit=Limit(int(k) // 3 + 1), share=float(weights[k]))
+        for k in np.argsort(-weights, kind="stable")
+        if weights[k] > 0.0
     )

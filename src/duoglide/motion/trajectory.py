@@ -145,6 +145,16 @@ class Trajectory:
 
         return audit(self)
 
+    def lower_bound(self) -> float:
+        """Return a duration that no motion along this curve can beat [s]: toppra, without jerk.
+
+        Raises:
+            LimitError: toppra finds no bound.
+        """
+        from duoglide.motion.lower_bound import lower_bound
+
+        return lower_bound(self)
+
     def to_document(self) -> dict[str, Any]:
         """Return plain numbers, text and lists that ``from_document`` reads back exactly."""
         return {

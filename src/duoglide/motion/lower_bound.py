@@ -1,0 +1,76 @@
+"""A bound from below on how long a motion takes: toppra's optimum without any limit of jerk."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import LimitError
+from duoglide.motion.carriage_path import CarriagePath
+
+if TYPE_CHECKING:
+    from duoglide.motion.trajectory import Trajectory
+
+GRID = 200  # points of toppra's grid between two rests
+
+
+def lower_bound(trajectory: Trajectory) -> float:
+    """Return the least duration under velocity and acceleration limits alone: see ``Trajectory``.
+
+    Dwells count in full.
+    """
+    knots = trajectory.profile.knots
+    still = np.diff(knots[:, 1]) == 0.0
+    dwells = float(np.diff(knots[:, 0])[still].sum())
+    path = trajectory.path
+    rests = path.curve.rests if isinstance(path, CarriagePath) else ()
+    ends = pairwise((0.0, *rests, float(knots[-1, 1])))
+    return dwells + sum(_span(trajectory, start, end) for start, end in ends)
+
+
+def _span(trajectory: Trajectory, start: float, end: float) -> float:
+    """Return the least duration between two rests."""
+    import toppra
+    from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
+
+    limits = trajectory.machine.limits
+    share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, GRID + 1))
+    path = trajectory.path
+    breaks = path.curve.breaks if isinstance(path, CarriagePath) else np.zeros(0)
+    inner = breaks[(breaks > start + 1e-6) & (breaks < end - 1e-6)] - start
+    points = np.unique(np.concatenate([share * (end - start), inner]))
+    solver = toppra.algorithm.TOPPRA(
+        [
+            JointVelocityConstraint(np.stack([-limits.velocity, limits.velocity], axis=1)),
+            JointAccelerationConstraint(
+                np.stack([-limits.acceleration, limits.acceleration], axis=1)
+            ),
+        ],
+        _Geometric(trajectory, start, end - start),
+        gridpoints=points,
+    )
+    solver.compute_parameterization(0.0, 0.0)
+    data = solver.problem_data
+    if data.return_code != toppra.algorithm.ParameterizationReturnCode.Ok or data.sd_vec is None:
+        raise LimitError(f"toppra finds no bound: {data.return_code}")
+    speeds: FloatArray = data.sd_vec
+    return float(np.sum(2.0 * np.diff(points) / (speeds[1:] + speeds[:-1])))
+
+
+class _Geometric:
+    """The carriages between two rests, as toppra asks for a path (structurally its interface)."""
+
+    def __init__(self, trajectory: Trajectory, start: float, length: float) -> None:
+        self._path = trajectory.path
+        self._start = start
+        self.path_interval = np.array([0.0, length])
+        self.duration = length
+        self.dof = 3
+        self.waypoints = None
+
+    def __call__(self, path_positions: FloatArray, order: int = 0) -> FloatArray:
+        sigma = np.asarray(path_positions, dtype=np.float64) + self._start
+        return self._path.derivatives(sigma)[..., order, :]
