@@ -16,6 +16,7 @@ from duoglide.kinematics._kernels import Constants
 WORTH_LOADING = 50_000  # poses, from which loading numba (half a second) pays
 WORTH_CALLING = 500  # poses, from which it pays once it is loaded
 DOUBLE = np.dtype(np.float64)
+ARRAY, EMPTY, ONE_POSE = np.ndarray, np.empty, (3,)
 
 _inverse_columns = kernels.in_numpy(kernels.inverse_pose)
 _forward_columns = kernels.in_numpy(kernels.forward_pose)
@@ -55,14 +56,25 @@ def margins_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
 
 def as_pose(value: Any) -> Sequence[float]:
     """Return the three floats of what is plainly one pose, nothing for anything else."""
-    if type(value) is np.ndarray:
-        if value.shape != (3,) or value.dtype is not DOUBLE:
-            return ()
-        value = value.tolist()
-    elif (type(value) is not tuple and type(value) is not list) or len(value) != 3:
-        return ()
-    x, y, z = value
-    return value if type(x) is float and type(y) is float and type(z) is float else ()
+    kind = type(value)
+    if kind is ARRAY:
+        if value.shape == ONE_POSE and value.dtype is DOUBLE:
+            pose: Sequence[float] = value.tolist()
+            return pose
+    elif (kind is tuple or kind is list) and len(value) == 3:
+        x, y, z = value
+        if type(x) is float and type(y) is float and type(z) is float:
+            return x, y, z
+    return ()
+
+
+def triple(first: float, second: float, third: float) -> FloatArray:
+    """Return an array of three numbers, in less time than from a tuple."""
+    array = EMPTY(3)
+    array[0] = first
+    array[1] = second
+    array[2] = third
+    return array
 
 
 def as_batch(value: ArrayLike, name: str, last_axis: str = "(x, y, z)") -> FloatArray:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray, as_triples
 from duoglide.errors import InputError
-from duoglide.kinematics._batch import as_batch, as_pose, forward_many, inverse_many
+from duoglide.kinematics._batch import as_batch, as_pose, forward_many, inverse_many, triple
 from duoglide.kinematics._forward import require_forward
 from duoglide.kinematics._jets import height, shifted
 from duoglide.kinematics._kernels import (
@@ -51,8 +49,9 @@ def inverse(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
             a1, a2, a3 = inverse_pose(x, y, z, k)
         except ValueError:  # a square root has failed: look closer
             return _inverse_at_edge(as_triples(position, "position"), k)
-        if isfinite(a1 + a3):
-            return np.array((a1, a2, a3))
+        total = a1 + a3
+        if total - total == 0.0:  # finite
+            return triple(a1, a2, a3)
     array = as_batch(position, "position")
     many, real = inverse_many(array, k)
     return many if real else _inverse_at_edge(as_triples(array, "position"), k)
@@ -88,14 +87,14 @@ def forward(geometry: Geometry, carriages: ArrayLike, mode: AssemblyMode = ASSEM
             or cannot be told from zero in double precision.
     """
     k = carriage_constants(geometry, mode)
-    if triple := as_pose(carriages):
-        a1, a2, a3 = triple
+    if given := as_pose(carriages):
+        a1, a2, a3 = given
         try:
             x, y, z, sure = forward_pose(a1, a2, a3, k)
         except (ValueError, ZeroDivisionError):  # a square root or a quotient has failed
             sure = False
         if sure:
-            return np.array((x, y, z))
+            return triple(x, y, z)
     array = as_batch(carriages, "carriages", LAST_AXIS)
     many, sure = forward_many(array, k)
     if not sure:

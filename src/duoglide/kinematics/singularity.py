@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -112,7 +111,7 @@ def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
         except ValueError:  # a square root has failed: look closer
             pass
         else:
-            if values[0] >= 0.0 and -leg <= values[1] <= leg and isfinite(y):
+            if values[0] >= 0.0 and -leg <= values[1] <= leg and y - y == 0.0:
                 return Margins(np.array(values), leg, mode)
     array = as_batch(position, "position")
     many, within = margins_many(array, k)
