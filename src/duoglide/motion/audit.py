@@ -149,7 +149,9 @@ def _by_differences(trajectory: Trajectory, step: float) -> Findings:
     first, last = (-3 if trajectory.starts_at_rest else 0), 3 if trajectory.ends_at_rest else 0
     grid = np.arange(first, int(trajectory.duration / step) + last + 1) * step
     uses = _difference_uses(trajectory.at(grid).carriages, step, limits)
-    worst: FloatArray = np.stack([use.max(axis=0, initial=0.0) for use in uses])
+    worst = np.zeros((3, 3))
+    for row, use in zip(worst, uses, strict=True):
+        row[:] = use.max(axis=0, initial=0.0)
     size = len(uses[2])
     times: FloatArray = grid[:size] + 1.5 * step
     every = np.concatenate([use[:size] for use in uses], axis=-1)

@@ -17,6 +17,7 @@ from duoglide.planning.timing_grid import grid
 
 POINTS = 9  # at which each piece of a profile is looked at
 _ROUNDING = 1e-6
+_FINE = 1e-3  # of the duration; a motion that exceeds its limits by less needs no other round
 _RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
 _USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
 _SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
@@ -33,7 +34,7 @@ class Effort:
         per_piece: Cells of each piece of the curve, at least.
         rounds: Tangents of the jerk limit in the second problem.
         refine: How often to divide cells in which the motion exceeds a limit between points.
-        polish: How often to lower the limits where the motion between the knots exceeds them.
+        polish: How often at most to lower limits where the motion between knots exceeds them.
         tolerance: Of the duration, relative.
     """
 
@@ -42,7 +43,7 @@ class Effort:
     per_piece: int = 4
     rounds: int = 3
     refine: int = 2
-    polish: int = 2
+    polish: int = 6
     tolerance: float = 1e-5
 
 
@@ -194,7 +195,10 @@ def _polished(
     """Lower the limits where the motion exceeds them between knots; slow down by what remains."""
     profile = problem.profile(found)
     for _ in range(effort.polish):
-        problem = problem.tightened(_use(timed, profile))
+        use = _use(timed, profile)
+        if stretch(use) < 1.0 + _FINE:
+            break
+        problem = problem.tightened(use)
         again = problem.improved(found, 1, effort.tolerance)
         if not again.converged:
             break
