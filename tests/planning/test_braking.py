@@ -56,7 +56,7 @@ def test_brakes_follow_the_drives_ramp() -> None:
     q, v = np.array([-200.0, 150.0, 30.0]), np.array([1715.0, -2733.0, 0.0])
     for coast in (0.0, 0.002):
         rows = simulate(MACHINE, q, v, coast)
-        brakes = Brakes(MACHINE, q[None], v[None], coast)
+        brakes = Brakes(MACHINE, q[None], v[None], np.full(1, coast))
         assert brakes.lasting[0] == pytest.approx(coast + 2733.0 / 60e3)
         np.testing.assert_allclose(brakes.at(np.ones(1))[0], rows[-1], atol=1e-2)
         half = rows[round(0.5 * brakes.lasting[0] / STEP)]

@@ -21,9 +21,12 @@ from duoglide.planning._admissible import locate, room
 ALLOWED = 1e-3  # mm that rounding and sampling may take from a bound
 _CELL = 0.004  # s of the plan
 _PHASES = 6  # cells of the time from brake to standstill
+_ZOOMS = 3
+_NEAR = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 2.0  # of half a cell
 _FINE = 0.05  # mm: below this, a cell is as good as its middle
 _BEND = 1.5  # how much farther than its corners a cell may reach from its middle
-_CHUNK = 40_000
+_CHUNK = 4_000  # cells of the plan at a time
+_CORNERS = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,13 +64,13 @@ class Brakes:
         machine: Whose drives brake.
         q: Carriages when the brake begins [mm], shape (n, 3).
         v: Their velocities then [mm/s], shape (n, 3).
-        coast: How long they go on at these velocities first [s].
+        coast: How long they go on at these velocities first [s], shape (n,).
     """
 
     machine: Machine
     q: FloatArray
     v: FloatArray
-    coast: float
+    coast: FloatArray
 
     @property
     def slowing(self) -> FloatArray:
@@ -84,11 +87,11 @@ class Brakes:
 
     def at(self, fraction: FloatArray) -> FloatArray:
         """Return carriages after fractions (n,) of the time until all stand, shape (n, 3)."""
-        tau = (fraction * self.lasting)[:, None]
+        tau, coast = (fraction * self.lasting)[:, None], self.coast[:, None]
         slowing = self.slowing
-        braked = np.clip(tau - self.coast, 0.0, slowing)
+        braked = np.clip(tau - coast, 0.0, slowing)
         share = np.divide(braked, slowing, out=np.zeros_like(slowing), where=slowing > 0.0)
-        return self.q + self.v * (np.minimum(tau, self.coast) + braked * (1.0 - 0.5 * share))
+        return self.q + self.v * (np.minimum(tau, coast) + braked * (1.0 - 0.5 * share))
 
 
 def brake_report(trajectory: Trajectory) -> BrakeReport:
@@ -99,71 +102,103 @@ def brake_report(trajectory: Trajectory) -> BrakeReport:
     plan that is not safe, only cells that may be worse than the worst so far are looked into.
     """
     worst: BrakeReport | None = None
-    cycle = trajectory.machine.drives.cycle
     count = max(1, int(np.ceil(trajectory.duration / _CELL)))
     edges = np.linspace(0.0, trajectory.duration, count + 1)
-    for coast in (0.0, cycle):
-        for begin in range(0, count, _CHUNK // _PHASES):
-            part = edges[begin : begin + _CHUNK // _PHASES + 1]
-            found = _look(trajectory, part, coast)
-            clearance = min(found.clearance, worst.clearance if worst else np.inf)
-            if worst is None or found.room < worst.room:
-                worst = found
-            worst = replace(worst, clearance=clearance)
+    for begin in range(0, count, _CHUNK):
+        found = _look(trajectory, edges[begin : begin + _CHUNK + 1])
+        clearance = min(found.clearance, worst.clearance if worst else np.inf)
+        if worst is None or found.room < worst.room:
+            worst = found
+        worst = replace(worst, clearance=clearance)
     assert worst is not None
     return worst
 
 
-def _look(trajectory: Trajectory, edges: FloatArray, coast: float) -> BrakeReport:
-    """Look at the brakes that begin within ``edges``."""
-    t, f = (
-        grid.ravel()
-        for grid in np.meshgrid(
-            0.5 * (edges[1:] + edges[:-1]), (np.arange(_PHASES) + 0.5) / _PHASES, indexing="ij"
-        )
-    )
+def _look(trajectory: Trajectory, edges: FloatArray) -> BrakeReport:
+    """Look at the brakes that begin within ``edges``, at once or one cycle late."""
+    machine = trajectory.machine
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    phases = (np.arange(_PHASES) + 0.5) / _PHASES
+    grid = np.meshgrid(middles, phases, [0.0, machine.drives.cycle], indexing="ij")
+    t, f, coast = (axis.ravel() for axis in grid)
     half = np.array([0.5 * (edges[1] - edges[0]), 0.5 / _PHASES])
     worst: BrakeReport | None = None
-    clearance = np.inf
+    clearance, place = np.inf, np.zeros(5)
     while t.size:
-        corners = [(sx, sy) for sx in (-1.0, 1.0) for sy in (-1.0, 1.0)]
         middle = _brakes(trajectory, t, coast).at(f)
-        here = room(trajectory.machine, middle)
-        centre, _ = locate(trajectory.machine, middle)
-        moved, slid = np.zeros(t.size), np.zeros(t.size)
-        for sx, sy in corners:
-            q = _brakes(trajectory, t + sx * half[0], coast).at(f + sy * half[1])
-            p, closed = locate(trajectory.machine, q)
-            way = np.where(closed, np.linalg.norm(p - centre, axis=-1), np.inf)
-            moved = np.maximum(moved, np.nan_to_num(way, nan=np.inf))
-            slid = np.maximum(slid, np.abs(q - middle).max(axis=-1))
-        clearance = min(clearance, float(here.clearance.min()))
+        centre, _ = locate(machine, middle)
+        here = room(machine, middle)
+        nearest = int(np.argmin(here.clearance))
+        if here.clearance[nearest] < clearance:
+            clearance = float(here.clearance[nearest])
+            place = np.array([t[nearest], f[nearest], coast[nearest], *half])
         index, quantity, amount = here.worst()
         if worst is None or amount < worst.room:
-            begin = float(t[index])
             x, y, z = centre[index].tolist()
+            brake = _brakes(trajectory, t[[index]], coast[[index]])
             worst = BrakeReport(
                 clearance=amount,
                 room=amount,
                 quantity=quantity,
-                time=begin,
-                after=float(f[index] * _brakes(trajectory, t[[index]], coast).lasting[0]),
+                time=float(t[index]),
+                after=float(f[index] * brake.lasting[0]),
                 position=(x, y, z),
             )
         if worst.room == -np.inf:
             break  # the links come apart: nothing can be worse
+        moved, slid = _spread(trajectory, (t, f, coast), half, middle)
         lowest = np.minimum(
             np.minimum(here.clearance, here.keep_out) - _BEND * moved,
             np.minimum(here.travel - _BEND * slid, here.order - 2.0 * _BEND * slid),
         )
         open_ = (lowest < min(worst.room, 0.0)) & (np.maximum(moved, slid) > _FINE)
         half = 0.5 * half
-        t = np.concatenate([t[open_] + sx * half[0] for sx, _ in corners])
-        f = np.concatenate([f[open_] + sy * half[1] for _, sy in corners])
+        t = np.concatenate([t[open_] + sx * half[0] for sx, _ in _CORNERS])
+        f = np.concatenate([f[open_] + sy * half[1] for _, sy in _CORNERS])
+        coast = np.tile(coast[open_], len(_CORNERS))
     assert worst is not None
-    return replace(worst, clearance=clearance + trajectory.machine.clearance)
+    clearance = min(clearance, _zoomed(trajectory, place)) if np.isfinite(clearance) else -np.inf
+    return replace(worst, clearance=clearance + machine.clearance)
 
 
-def _brakes(trajectory: Trajectory, t: FloatArray, coast: float) -> Brakes:
+def _zoomed(trajectory: Trajectory, place: FloatArray) -> float:
+    """Look more closely around the least clearance: instant, phase, coast, half a cell of each."""
+    least = np.inf
+    t, f, coast, *half = place.tolist()
+    for _ in range(_ZOOMS):
+        grid = np.meshgrid(t + half[0] * _NEAR, f + half[1] * _NEAR, indexing="ij")
+        ts = np.clip(grid[0].ravel(), 0.0, trajectory.duration)
+        fs = np.clip(grid[1].ravel(), 0.0, 1.0)
+        brakes = _brakes(trajectory, ts, np.full(ts.size, coast))
+        found = room(trajectory.machine, brakes.at(fs)).clearance
+        index = int(np.argmin(found))
+        least = min(least, float(found[index]))
+        t, f = float(ts[index]), float(fs[index])
+        half = [0.5 * half[0], 0.5 * half[1]]
+    return least
+
+
+def _spread(
+    trajectory: Trajectory,
+    cells: tuple[FloatArray, FloatArray, FloatArray],
+    half: FloatArray,
+    middle: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far platform and carriages are at each cell's farthest corner, (n,) each."""
+    t, f, coast = cells
+    centre, _ = locate(trajectory.machine, middle)
+    moved, slid = np.zeros(t.size), np.zeros(t.size)
+    for side in (-1.0, 1.0):
+        brakes = _brakes(trajectory, t + side * half[0], coast)
+        for end in (-1.0, 1.0):
+            corner = brakes.at(f + end * half[1])
+            position, closed = locate(trajectory.machine, corner)
+            way = np.where(closed, np.linalg.norm(position - centre, axis=-1), np.inf)
+            moved = np.maximum(moved, way)
+            slid = np.maximum(slid, np.abs(corner - middle).max(axis=-1))
+    return moved, slid
+
+
+def _brakes(trajectory: Trajectory, t: FloatArray, coast: FloatArray) -> Brakes:
     state = trajectory.at(t)
     return Brakes(trajectory.machine, state.carriages, state.velocity, coast)

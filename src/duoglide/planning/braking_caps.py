@@ -142,7 +142,7 @@ def _safe(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArray) ->
         return np.zeros(0, dtype=bool)
     least = np.full(len(q), np.inf)
     for coast in (0.0, machine.drives.cycle):
-        brakes = Brakes(machine, q, v, coast)
+        brakes = Brakes(machine, q, v, np.full(len(q), coast))
         places = np.stack([brakes.at(np.full(len(q), f)) for f in _FRACTIONS])
         least = np.minimum(least, room(machine, places).least().min(axis=0))
     safe: BoolArray = least > wanted

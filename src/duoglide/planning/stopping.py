@@ -25,12 +25,13 @@ from duoglide.arrays import FloatArray
 from duoglide.machine import Machine
 from duoglide.motion.stopping import RateTable, StopBounds
 
-CELL = 0.001  # s of path time
-SAMPLES = 4  # a cell
+CELL = 0.002  # s of path time
+SAMPLES = 6  # a cell
 LARGEST_SLOPE = 250.0  # 1/s: no stop is asked to be quicker than 8 ms
 RESERVE = 0.02  # what a change may use at least, as a share of each stop limit
-_SHAPES = np.array([1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.08])  # rho
-_LEVELS = np.linspace(0.5, 1.0, 17)  # cells of r; below 1/2 every term is smaller than at 1/2
+_SHAPES = np.array([1.0, 0.5, 0.2])  # rho
+_LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in what r' may be;
+# below 1/2 every term is smaller than at 1/2
 _MOST_CELLS = 60_000
 
 
