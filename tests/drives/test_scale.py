@@ -38,3 +38,9 @@ def test_a_position_that_no_drive_can_count_is_refused() -> None:
         Scale(1e6).to_increments(3000.0)
     with pytest.raises(LimitError, match="beyond what a drive can count"):
         Scale(1e6).to_increments_all(np.array([0.0, -3000.0]))
+
+
+def test_a_deceleration_that_no_drive_can_be_told_is_refused() -> None:
+    assert Scale(1e4).magnitude(60e3) == 600_000_000
+    with pytest.raises(LimitError, match="42949.7, at 100000 increments per mm"):
+        Scale(1e5).magnitude(60e3)

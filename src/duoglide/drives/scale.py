@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _LARGEST = (1 << 31) - 1
+_LARGEST_UNSIGNED = (1 << 32) - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,5 +59,16 @@ class Scale:
         return increments / self.increments_per_mm
 
     def magnitude(self, mm: float) -> int:
-        """Round a distance, speed or acceleration, which have no direction."""
-        return max(1, min(round(abs(mm * self.increments_per_mm)), 0xFFFFFFFF))
+        """Round a distance, speed or acceleration, which have no direction; at least 1.
+
+        Raises:
+            LimitError: It does not fit 32 bits: the drive could not be told.
+        """
+        increments = max(1, round(abs(mm * self.increments_per_mm)))
+        if increments > _LARGEST_UNSIGNED:
+            most = _LARGEST_UNSIGNED / abs(self.increments_per_mm)
+            raise LimitError(
+                f"{mm:g} (in mm) is beyond what a drive can be told, {most:g}, at"
+                f" {abs(self.increments_per_mm):g} increments per mm"
+            )
+        return increments

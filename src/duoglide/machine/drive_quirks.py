@@ -93,7 +93,7 @@ class Quirks:
         if not isinstance(self.absent, list | tuple):
             raise ConfigError(f"absent = {self.absent!r}: must be a list of object indices")
         for index in self.absent:
-            if index not in OPTIONAL_OBJECTS:
+            if not isinstance(index, int) or index not in OPTIONAL_OBJECTS:
                 known = ", ".join(f"0x{i:04X}" for i in sorted(OPTIONAL_OBJECTS))
                 name = f"0x{index:04X}" if isinstance(index, int) else repr(index)
                 raise ConfigError(f"absent: {name} is not optional; these are: {known}")
