@@ -42,5 +42,5 @@ def test_a_position_that_no_drive_can_count_is_refused() -> None:
 
 def test_a_deceleration_that_no_drive_can_be_told_is_refused() -> None:
     assert Scale(1e4).magnitude(60e3) == 600_000_000
-    with pytest.raises(LimitError, match="42949.7, at 100000 increments per mm"):
+    with pytest.raises(LimitError, match=r"42949\.7, at 100000 increments per mm"):
         Scale(1e5).magnitude(60e3)

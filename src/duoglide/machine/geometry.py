@@ -63,6 +63,7 @@ class Geometry:
         gap = max(nearest - self.arm_length, self.arm_length - farthest) - self.strut_length
         if gap > 0.0:
             raise ConfigError(
-                f"strut_length = {self.strut_length:g}: must be above {self.strut_length + gap:.6g} mm"
-                " with the other dimensions; no pose of the platform closes the links"
+                f"strut_length = {self.strut_length:g}: must be above"
+                f" {self.strut_length + gap:.6g} mm with the other dimensions;"
+                " no pose of the platform closes the links"
             )
