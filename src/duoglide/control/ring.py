@@ -110,10 +110,11 @@ class Ring:
         """Write the record of a cycle, or count it as dropped."""
         at = self._room()
         if at:
-            e = entry
+            cycle, time, lateness, skipped, u, rate, a, b, c, d, e, *rest = entry
             _CYCLE.pack_into(
-                self._memory, at, _IS_CYCLE, *e[:6], *e[6], *e[7], *e[8], *e[9], *e[10], *e[11:]
-            )
+                self._memory, at, _IS_CYCLE, cycle, time, lateness, skipped, u, rate,
+                *a, *b, *c, *d, *e, *rest,
+            )  # fmt: skip
             self._words[_WRITTEN] += 1
 
     def put_event(self, entry: EventEntry) -> None:
