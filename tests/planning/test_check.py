@@ -399,3 +399,25 @@ def test_an_arc_on_which_a_carriage_stands_still_is_decided_as_finely(
     np.testing.assert_allclose(dg.inverse(dg.Geometry(), points)[:, 2], stand)
     machine = dg.Machine(geometry=dg.Geometry(rail_half_length=stand + room))
     assert passes(machine, dg.Path.arc(*points)) is expected
+
+
+@pytest.mark.parametrize(
+    ("centre", "radius", "degrees", "side"),
+    [
+        ((-45.0, 70.0), 300.0, (80.0, 85.0, 90.0), -1.0),
+        ((45.0, 230.0), 180.0, (150.0, 155.0, 165.0), -1.0),
+        ((45.0, 70.0), 180.0, (100.0, 120.0, 140.0), 1.0),
+    ],
+    ids=["strut", "legs_vertical", "legs_flat"],
+)
+def test_a_path_may_follow_a_singular_surface_a_nanometre_away(
+    centre: tuple[float, float], radius: float, degrees: tuple[float, ...], side: float
+) -> None:
+    """Without any clearance, where the carriages' speeds are nearly infinite all the way."""
+    machine = dg.Machine(geometry=dg.Geometry(rail_half_length=FREE), clearance=0.0)
+    angle = np.radians(degrees)
+    for room, expected in ((1e-6, True), (5e-8, False)):
+        r = radius + side * room
+        x, z = centre[0] + r * np.cos(angle), centre[1] + r * np.sin(angle)
+        path = dg.Path.arc(*np.stack([x, 0.0 * angle, z], axis=1))
+        assert passes(machine, path) is expected

@@ -34,7 +34,7 @@ BASE_FAMILIES = ("clearance", *TRAVEL, "order")
 _FARTHEST_ANCHOR = 0.25  # of the leg's length
 
 IndexArray: TypeAlias = NDArray[np.intp]
-Stroke: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # value, slope, bound on the bend
+Stroke: TypeAlias = tuple[FloatArray, FloatArray]  # slope, bound on the bend
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,31 +197,51 @@ def judge_parts(rules: Rules, parts: Parts) -> Verdict:
 
 
 def _strokes(parts: Parts, reach: Reach, k: Constants) -> tuple[Stroke, Stroke]:
-    """Value and slope at the sample, and a bound on the second derivative, of P and Q."""
+    """Slope at the sample, and a bound on the second derivative, of P and of Q."""
     cx, _base, l6, l2, _half, xb, zb, l9, *_ = k
     half = parts.half
     (x, z), (dx, dz) = (parts.states[:, i, ::2].T for i in (0, 1))
     (vx, vz), (ax, az) = parts.first[:, ::2].T, parts.second[:, ::2].T
     u, X, Z = x - cx, x - xb, z - zb
-    top = np.abs(u) + vx * half
-    low = np.sqrt((l6 - top) * (l6 + top))
-    slope_a = top * vx / low
-    bend_a = (vx * vx + top * ax + slope_a * slope_a) / low
-    dh, vh, ah = dz + u * dx / reach.A, vz + slope_a, az + bend_a
-    top = np.abs(reach.h) + vh * half
-    low = np.sqrt((l2 - top) * (l2 + top))
-    slope = top * vh / low
-    p = reach.p, -reach.h * dh / reach.p, (vh * vh + top * ah + slope * slope) / low
-    top_x, top_z = np.abs(X) + vx * half, np.abs(Z) + vz * half
-    low = np.sqrt(l9 * l9 - (top_x * top_x + top_z * top_z))
-    slope = (top_x * vx + top_z * vz) / low
-    bend = (vx * vx + vz * vz + top_x * ax + top_z * az + slope * slope) / low
-    return p, (reach.q, -(X * dx + Z * dz) / reach.q, bend)
+    bend = vx * vx + (np.abs(u) + vx * half) * ax
+    slope_a, bend_a = _root(l6, reach.A, u * u, u * dx, bend, half)
+    dh, ah = dz - slope_a, az + bend_a
+    vh = np.abs(dh) + ah * half
+    bend = vh * vh + (np.abs(reach.h) + vh * half) * ah
+    p = _root(l2, reach.p, reach.h * reach.h, reach.h * dh, bend, half)
+    bend = vx * vx + vz * vz + (np.abs(X) + vx * half) * ax + (np.abs(Z) + vz * half) * az
+    return p, _root(l9, reach.q, X * X + Z * Z, X * dx + Z * dz, bend, half)
+
+
+def _root(  # noqa: PLR0917  # the five numbers of one formula
+    length: float,
+    root: FloatArray,
+    square: FloatArray,
+    rate: FloatArray,
+    bend: FloatArray,
+    half: FloatArray,
+) -> Stroke:
+    """Differentiate R = sqrt(L^2 - w) twice.
+
+    Args:
+        length: L.
+        root: R at the sample.
+        square: w at the sample.
+        rate: w' / 2 there.
+        bend: Bound on |w''| / 2 on the whole part.
+        half: Half the length of the part.
+
+    Returns:
+        R' at the sample, and a bound on |R''| on the whole part; NaN where R may vanish.
+    """
+    steepest = np.abs(rate) + bend * half
+    low = np.sqrt(length * length - (square + 2.0 * np.abs(rate) * half + bend * half * half))
+    return -rate / root, bend / low + (steepest / low) ** 2 / low
 
 
 def _travel(rules: Rules, parts: Parts, reach: Reach) -> tuple[FloatArray, FloatArray]:
     """Margins of travel 1 to 3 and of the order of carriages 1 and 2, and their lower bounds."""
-    (_, slope_p, bend_p), (_, slope_q, bend_q) = _strokes(parts, reach, rules.constants)
+    (slope_p, bend_p), (slope_q, bend_q) = _strokes(parts, reach, rules.constants)
     (w1, w2, w3), limit = rules.constants[9:], rules.machine.geometry.rail_half_length
     half, square = parts.half, 0.5 * parts.half * parts.half
     places, gap = _places(rules.constants, parts.states[:, 0, 1], reach)
