@@ -146,6 +146,7 @@ class MotionPanel:
             series=tuple(series),
             title=title,
             scales={"x": {"time": False}},
+            axes=({}, {"size": 64}),
             legend={"show": False},
             height=190,
         )
