@@ -15,6 +15,7 @@ from duoglide.drives.firmware_objects import (
     OUT_OF_RANGE,
     WRONG_STATE,
     RefusalError,
+    interpolation_period,
 )
 from duoglide.drives.firmware_status import AxisStatus
 from duoglide.drives.pdo import INTERLOCK
@@ -63,6 +64,8 @@ class FirmwareAxis(AxisStatus):
             self._command(before, value)
         elif index == 0x607A and self._follows():
             self._aim(value)
+        elif index == 0x60C2:
+            self.period = interpolation_period(self.objects)
         elif index == 0x1016:
             self._host.heartbeat_armed = False
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from duoglide.drives.cia402 import Mode
 
 OUT_OF_RANGE = 0x06090030  # SDO abort codes, CiA 301 table 22
@@ -62,3 +64,8 @@ def error_register(code: int) -> int:
     if code >> 8 == 0x86:
         register |= 0x20
     return register | 1
+
+
+def interpolation_period(objects: Mapping[tuple[int, int], int]) -> int:
+    """Return the interpolation time that 0x60C2 says: a value and a power of ten [us]."""
+    return int(objects[0x60C2, 1] * 10 ** (objects[0x60C2, 2] + 6))

@@ -6,7 +6,13 @@ from collections.abc import Callable
 
 from duoglide.drives.cia402 import Mode, State, Status
 from duoglide.drives.demand import FRACTION, Demand, Phase
-from duoglide.drives.firmware_objects import DEFAULTS, NO_OBJECT, RefusalError, error_register
+from duoglide.drives.firmware_objects import (
+    DEFAULTS,
+    NO_OBJECT,
+    RefusalError,
+    error_register,
+    interpolation_period,
+)
 from duoglide.drives.pdo import INTERLOCK
 
 # As plain numbers: combining flags of an enum takes longer than all the rest of a tick.
@@ -23,6 +29,7 @@ class AxisStatus:
 
     def __init__(self) -> None:
         self.objects = dict(DEFAULTS)
+        self.period = interpolation_period(self.objects)  # 0x60C2 [us]
         self.state = State.NOT_READY_TO_SWITCH_ON
         self.demand = Demand()
         self.actual = 0  # 0x6064 [increments]
@@ -105,11 +112,6 @@ class AxisStatus:
         if sub or index not in _LIVE:
             raise RefusalError(NO_OBJECT)
         return min(max(_LIVE[index](self), -_LARGEST - 1), _LARGEST)
-
-    @property
-    def period(self) -> int:
-        """Interpolation time, 0x60C2 [us]."""
-        return int(self.objects[0x60C2, 1] * 10 ** (self.objects[0x60C2, 2] + 6))
 
 
 _LIVE: dict[int, Callable[[AxisStatus], int]] = {

@@ -44,12 +44,13 @@ class _Client:
         self.splitter = MessageSplitter()
         self.waiting = bytearray(b"< hi >")
         self.frames = bytearray()  # kept apart until the handshake has settled
-        self.raw_since: float | None = None
+        self.listens = False
+        self.raw_since = 0.0
         self.settled = False
 
     def flush(self) -> bool:
         """Write what can be written; False if the client is gone or does not read."""
-        if self.raw_since is not None and not self.settled:
+        if self.listens and not self.settled:
             self.settled = time.monotonic() - self.raw_since > _SETTLING
         if self.settled and self.frames:
             self.waiting += self.frames
@@ -120,9 +121,10 @@ class Hub:
     def broadcast(self, can_id: int, data: bytes, sender: _Client | None = None) -> None:
         """Hand a frame to every client but the one that sent it."""
         self.frames += 1
-        message = encode_frame(can_id, data, time.time())
-        for client in self._clients.values():
-            if client is not sender and client.raw_since is not None:
+        listeners = [c for c in self._clients.values() if c is not sender and c.listens]
+        if listeners:
+            message = encode_frame(can_id, data, time.time())
+            for client in listeners:
                 client.frames += message
 
     def turn(self) -> None:
@@ -183,6 +185,6 @@ class Hub:
 
     def _answer(self, client: _Client, word: bytes) -> None:
         if word == b"rawmode":
-            client.raw_since = time.monotonic()
+            client.listens, client.raw_since = True, time.monotonic()
         known = word in (b"open", b"rawmode")
         client.waiting += b"< ok >" if known else b"< echo >" if word == b"echo" else b"< error >"

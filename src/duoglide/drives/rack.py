@@ -47,6 +47,7 @@ class DriveRack:
         self._by_id = {node.node_id: node for node in nodes}
         self._wall: int | None = None  # the moment up to which time has passed [us]
         self._last_sync: int | None = None
+        self._period = 1  # of SYNC, as the drives have it in 0x60C2 [us]
         self._since_sync = 0  # how much time has passed for the drives since then [us]
 
     def attach(self, send: Send) -> None:
@@ -83,11 +84,8 @@ class DriveRack:
                 self._last_sync = None
         self._pass_to(now)
 
-    @property
-    def _period(self) -> int:
-        return max(node.axis.period for node in self.nodes)
-
     def _synchronise(self, now: int) -> None:
+        self._period = max([node.axis.period for node in self.nodes])
         if self._last_sync is None or self._since_sync >= self._period:
             self._pass_to(now)
         else:
