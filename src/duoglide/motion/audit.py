@@ -153,7 +153,7 @@ def _by_differences(trajectory: Trajectory, step: float) -> Findings:
     for row, use in zip(worst, uses, strict=True):
         row[:] = use.max(axis=0, initial=0.0)
     size = len(uses[2])
-    times: FloatArray = grid[:size] + 1.5 * step
+    times = np.asarray(grid[:size] + 1.5 * step, dtype=np.float64)
     every = np.concatenate([use[:size] for use in uses], axis=-1)
     return worst, times, every.max(axis=-1), every.argmax(axis=-1)
 

@@ -27,13 +27,13 @@ from duoglide.planning.timing_span import estimate
 
 _START = (0.9, 0.5)  # of the search: balance and shape
 _STEPS = (0.25, 0.05)  # first steps of log balance and of shape
-_SHAPES = (0.3, 0.7)
+_SHAPES = (0.3, 0.6)  # beyond, a blend passes its corner on the outside
 _BALANCES = (0.2, 1.0)
 _HALVINGS = 1
 _CELLS = 32
 _MOST_CORNERS = 40  # for more of them no trials are made
 _EXACT = 1e-9  # relative, to which a tolerance is used, from below
-_HALVINGS_OF_CUT = 26
+_HALVINGS_OF_CUT = 30
 _COARSE = 16  # parts of a blend in which its nearest point is looked for
 _GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
 _GOLDEN_STEPS = 18
@@ -77,17 +77,17 @@ class _Corner:
         before, after = balance * scale, scale
         if before > self.room[0]:
             before = self.room[0]
-            after = self._longest(lambda cut: self._deviation(before, cut, style.shape), after)
+            after = self._longest(lambda cut: self._deviation(before, cut, style.shape))
         if after > self.room[1]:
             after = self.room[1]
-            longest = self._longest(lambda cut: self._deviation(cut, after, style.shape), before)
-            before = min(self.room[0], longest)
+            before = self._longest(lambda cut: self._deviation(cut, after, style.shape))
+            before = min(self.room[0], before)
         return Blend(before, after, style.shape)
 
-    def _longest(self, deviation: Callable[[float], float], least: float) -> float:
-        """Return the longest cut-back that keeps the tolerance; it is at least about ``least``."""
+    def _longest(self, deviation: Callable[[float], float]) -> float:
+        """Return the longest cut-back beside a given one that keeps the tolerance."""
         goal = self.tolerance * (1.0 - _EXACT)
-        low, high = 0.5 * least, max(*self.room, least)
+        low, high = 0.0, max(self.room)
         if deviation(high) <= goal:
             return high
         for _ in range(_HALVINGS_OF_CUT):
