@@ -231,7 +231,7 @@ def test_what_passes_is_admissible_at_every_sample_and_the_report_says_how_far(s
         **{k: np.abs(v).min() for k, v in dg.margins(machine.geometry, track).by_family().items()},
     }
     for family, expected in sampled.items():
-        assert report[family].margin == pytest.approx(expected, abs=2e-3), family
+        assert report[family].margin == pytest.approx(expected, abs=1e-3), family
         there = curve.position(report[family].sigma)
         np.testing.assert_allclose(report[family].position, there, atol=1e-9)
 

@@ -7,44 +7,42 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.singularity import FAMILIES, margins
 from duoglide.motion.checked import CheckReport, LeastMargin
-from duoglide.motion.path_segments import as_point
 from duoglide.planning.check_rules import Rules, judge_points
 from duoglide.planning.check_search import first_intervals
 
-_LOOKS = np.linspace(-1.0, 1.0, 9)
+_LOOKS = np.linspace(-1.0, 1.0, 5)  # at an interval, from its start to its end
+_CLOSER = np.linspace(-0.2, 0.2, 5)  # about where the least value is expected
 
 
 def least_margins(rules: Rules) -> CheckReport:
-    """Sample every piece, then look closely at where each family comes nearest to its bound."""
+    """Sample every interval with its ends, then look where a parabola through the least ones is."""
     names = (*rules.families, *FAMILIES)
     rows = np.arange(len(names))
-    best, spacing = _coarse(rules)
-    sigma = (best[:, None] + spacing[:, None] * _LOOKS).clip(0.0, rules.curve.end)
-    values = _measure(rules, sigma.ravel()).reshape(*sigma.shape, -1)[rows, :, rows]
-    vertex = _vertices(sigma, values)
-    sigma = np.column_stack([sigma, vertex])
-    values = np.column_stack([values, _measure(rules, vertex)[rows, rows]])
-    nearest = values.argmin(axis=1)
-    where, least = sigma[rows, nearest], values[rows, nearest]
+    intervals = first_intervals(rules)
+    grid = intervals.middle[:, None] + intervals.half[:, None] * _LOOKS
+    values = _measure(rules, grid.ravel()).reshape(*grid.shape, -1)
+    guess, vertex = _vertices(values)
+    interval = np.minimum(guess, values.min(axis=1)).argmin(axis=0)
+    middle, half = intervals.middle[interval], intervals.half[interval]
+    close = (vertex[interval, rows] + _CLOSER[:, None]).clip(-1.0, 1.0)
+    near = _measure(rules, (middle + half * close).ravel())
+    near = near.reshape(*close.shape, -1)[:, rows, rows]
+    vertex = _vertices(near[None])[1] * _CLOSER[-1] + close[_CLOSER.size // 2]
+    last = vertex.clip(-1.0, 1.0)
+    at_last = _measure(rules, middle + half * last[0])[rows, rows]
+    table = np.vstack([values[interval, :, rows].T, near, at_last])
+    looks = np.vstack([np.tile(_LOOKS[:, None], rows.size), close, last])
+    best = table.argmin(axis=0)
+    least, where = table[best, rows], middle + half * looks[best, rows]
     required = np.concatenate([rules.required, np.zeros(len(FAMILIES))])
     lengths, points = rules.curve.arc_length(where), rules.curve.position(where)
-    table = zip(names, least, required, where, lengths, points, strict=True)
+    columns = (column.tolist() for column in (least, required, where, lengths, points))
     return CheckReport(
         tuple(
-            LeastMargin(name, float(m), float(r), float(s), float(a), as_point(p, name))
-            for name, m, r, s, a, p in table
+            LeastMargin(name, margin, needed, sigma, length, (x, y, z))
+            for name, margin, needed, sigma, length, (x, y, z) in zip(names, *columns, strict=True)
         )
     )
-
-
-def _coarse(rules: Rules) -> tuple[FloatArray, FloatArray]:
-    """Where each family is least among the middles and ends of the first intervals."""
-    intervals = first_intervals(rules)
-    starts = intervals.middle - intervals.half
-    sigma = np.concatenate([intervals.middle, starts, [rules.curve.end]])
-    spacing = np.concatenate([intervals.half, intervals.half, intervals.half[-1:]])
-    rows = _measure(rules, sigma).argmin(axis=0)
-    return sigma[rows], spacing[rows]
 
 
 def _measure(rules: Rules, sigma: FloatArray) -> FloatArray:
@@ -55,14 +53,18 @@ def _measure(rules: Rules, sigma: FloatArray) -> FloatArray:
     return np.concatenate([judge_points(rules, points) + rules.required, surfaces], axis=1)
 
 
-def _vertices(sigma: FloatArray, values: FloatArray) -> FloatArray:
-    """Lay a parabola through the least of evenly spaced values and its neighbours."""
-    rows = np.arange(len(values))
-    middle = values.argmin(axis=1).clip(1, values.shape[1] - 2)
-    before, here, after = (values[rows, middle + i] for i in (-1, 0, 1))
-    bend = before - 2.0 * here + after
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shift = np.where(bend > 0.0, 0.5 * (before - after) / bend, 0.0).clip(-1.0, 1.0)
-    step = sigma[rows, middle + 1] - sigma[rows, middle]
-    vertex: FloatArray = sigma[rows, middle] + np.nan_to_num(shift) * step
-    return vertex
+def _vertices(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lay a parabola through the least looks of each interval and their neighbours.
+
+    Args:
+        values: Shape (intervals, looks, families).
+
+    Returns:
+        Least value of each parabola, and where it is on [-1, 1], shape (intervals, families).
+    """
+    middle = values.argmin(axis=1).clip(1, _LOOKS.size - 2)[:, None]
+    before, here, after = (np.take_along_axis(values, middle + i, axis=1)[:, 0] for i in (-1, 0, 1))
+    bend = np.maximum(before - 2.0 * here + after, 1e-12)
+    shift = (0.5 * (before - after) / bend).clip(-1.0, 1.0)
+    least = here + 0.5 * shift * (after - before) + 0.5 * shift * shift * bend
+    return least, _LOOKS[middle[:, 0]] + shift * (_LOOKS[1] - _LOOKS[0])
