@@ -84,6 +84,21 @@ def test_every_list_of_the_eds_names_the_objects_that_it_has() -> None:
     assert listed == described
 
 
+def test_every_record_has_as_many_entries_as_it_says() -> None:
+    text = eds_path().read_text(encoding="ascii")
+    counts = dict(re.findall(r"^\[(\w{4})\]\n(?:.+\n)*?SubNumber=(\d+)$", text, re.MULTILINE))
+    assert len(counts) > 20
+    for index, count in counts.items():
+        assert len(re.findall(rf"^\[{index}sub", text, re.MULTILINE)) == int(count), index
+
+
+def test_every_default_is_within_its_limits(generate: ModuleType) -> None:
+    for entry in generate.read_eds(FIRMWARE / "linear_axis.eds").values():
+        limits = [int(limit, 0) for limit in (entry.low, entry.high) if limit]
+        if limits:
+            assert min(limits) <= int(entry.default, 0) <= max(limits), entry.name
+
+
 def test_the_device_is_a_402_drive_with_csp() -> None:
     dictionary = object_dictionary(1)
     assert dictionary[0x1000].default & 0xFFFF == 402
