@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -77,10 +78,8 @@ def test_the_host_maps_the_pdos_as_the_eds_does_by_default() -> None:
 
 def test_every_list_of_the_eds_names_the_objects_that_it_has() -> None:
     text = eds_path().read_text(encoding="ascii")
-    listed = {
-        line.split("=0x")[1] for line in text.splitlines() if "=0x" in line and line[0].isdigit()
-    }
-    described = {line[1:5] for line in text.splitlines() if len(line) == 6 and line[0] == "["}
+    listed = re.findall(r"^\d+=0x([0-9A-F]{4})$", text, re.MULTILINE)
+    described = re.findall(r"^\[([0-9A-F]{4})\]$", text, re.MULTILINE)
     assert listed == described
 
 
