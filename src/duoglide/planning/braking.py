@@ -19,7 +19,9 @@ from duoglide.motion.trajectory import Trajectory
 from duoglide.planning._admissible import locate, room
 
 ALLOWED = 1e-3  # mm that rounding and sampling may take from a bound
-_CELL = 0.004  # s of the plan
+_CELL = 0.004  # s of the plan, at the least
+_STEP = 10.0  # mm of a carriage, which a cell may be as well
+_FEWEST = 8
 _PHASES = 6  # cells of the time from brake to standstill
 _ZOOMS = 3
 _NEAR = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 2.0  # of half a cell
@@ -102,8 +104,11 @@ def brake_report(trajectory: Trajectory) -> BrakeReport:
     plan that is not safe, only cells that may be worse than the worst so far are looked into.
     """
     worst: BrakeReport | None = None
-    count = max(1, int(np.ceil(trajectory.duration / _CELL)))
-    edges = np.linspace(0.0, trajectory.duration, count + 1)
+    duration = trajectory.duration
+    speeds = np.abs(trajectory.at(np.linspace(0.0, duration, 101)).velocity)
+    longest = max(_CELL, _STEP / max(float(speeds.max()), 1e-300))
+    count = max(_FEWEST, int(np.ceil(duration / longest)))
+    edges = np.linspace(0.0, duration, count + 1)
     for begin in range(0, count, _CHUNK):
         found = _look(trajectory, edges[begin : begin + _CHUNK + 1])
         clearance = min(found.clearance, worst.clearance if worst else np.inf)

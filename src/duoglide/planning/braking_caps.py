@@ -18,13 +18,17 @@ from duoglide.planning.stopping import stop_bounds
 
 Retime = Callable[[FloatArray, FloatArray], Trajectory]
 """Time the same curve again under a cap on d sigma/dt: sigma (n,) and the cap there (n,), linear in
-between, none beyond the ends."""
+between, ``NO_CAP`` where there is none."""
+
+NO_CAP = 1e6  # mm/s
 
 _MARGIN = 0.02  # mm that caps keep beyond each bound, where the path itself has so much
 _HARMLESS = 2e-4  # mm: no brake that is over within this needs a cap
 _HALVINGS = 8
 _FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # of the time from brake to standstill
 _SAMPLE = 0.0005  # s of the plan between two caps
+_MOST_SAMPLES = 40_000
+_CHUNK = 2_000
 _ROUNDS = 4
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
 _SLOWER = 1.05
@@ -42,15 +46,16 @@ def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajecto
         braking.
     """
     trajectory, report = draft, brake_report(draft)
-    sigma, cap = np.zeros(0), np.zeros(0)
+    sigma, cap = np.zeros(1), np.full(1, NO_CAP)
     for round_ in range(_ROUNDS if retime is not None else 0):
         if report.safe or retime is None:
             break
         where, speed = _sampled(trajectory)
         fresh = brake_caps(trajectory.path, where, speed) * _TIGHTER**round_
-        sigma, cap = _lower_of(sigma, cap, where, np.where(fresh < speed, fresh, np.inf))
-        finite = np.isfinite(cap)
-        trajectory = retime(sigma[finite], cap[finite])
+        fresh = np.where(fresh < speed, fresh, NO_CAP)
+        grid = np.union1d(sigma, where)
+        sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
+        trajectory = retime(sigma, cap)
         report = brake_report(trajectory)
     if not report.safe:
         trajectory, report = _slowed(trajectory)
@@ -80,27 +85,12 @@ def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
 
 def _sampled(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
     """Return where the trajectory moves, and how fast along its curve there."""
-    count = max(8, int(np.ceil(trajectory.duration / _SAMPLE)))
+    count = min(max(8, int(np.ceil(trajectory.duration / _SAMPLE))), _MOST_SAMPLES)
     motion = trajectory.profile.at(np.linspace(0.0, trajectory.duration, count + 1))
     sigma, first = np.unique(motion[:, 0], return_index=True)
     speed = motion[first, 1]
     moving = speed > 0.0
     return sigma[moving], speed[moving]
-
-
-def _lower_of(
-    sigma: FloatArray, cap: FloatArray, more: FloatArray, other: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Merge two caps into their minimum, on the points of both; inf is no cap."""
-    if not sigma.size:
-        return more, other
-    grid = np.union1d(sigma, more)
-
-    def on_grid(x: FloatArray, y: FloatArray) -> FloatArray:
-        values: FloatArray = np.interp(grid, x, np.where(np.isfinite(y), y, 1e12))
-        return np.where(values < 1e9, values, np.inf)
-
-    return grid, np.minimum(on_grid(sigma, cap), on_grid(more, other))
 
 
 def brake_caps(
@@ -117,6 +107,14 @@ def brake_caps(
         Safe d sigma/dt, at most ``speed``, shape (n,), found by halving: whoever uses them looks
         at the result with ``brake_report``.
     """
+    parts = [
+        _caps(path, sigma[begin : begin + _CHUNK], speed[begin : begin + _CHUNK])
+        for begin in range(0, sigma.size, _CHUNK)
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _caps(path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArray) -> FloatArray:
     states = path.derivatives(sigma)
     q, slope = states[:, 0], states[:, 1] * speed[:, None]
     machine = path.machine

@@ -25,14 +25,16 @@ from duoglide.arrays import FloatArray
 from duoglide.machine import Machine
 from duoglide.motion.stopping import RateTable, StopBounds
 
-CELL = 0.002  # s of path time
+CELL = 0.002  # s of path time, at the least
+_CELLS_A_STOP = 40  # that are enough, if stops are so slow
 SAMPLES = 6  # a cell
 LARGEST_SLOPE = 250.0  # 1/s: no stop is asked to be quicker than 8 ms
 RESERVE = 0.02  # what a change may use at least, as a share of each stop limit
 _SHAPES = np.array([1.0, 0.5, 0.2])  # rho
 _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in what r' may be;
 # below 1/2 every term is smaller than at 1/2
-_MOST_CELLS = 60_000
+_MOST_CELLS = 100_000
+_CHUNK = 4_000
 
 
 class Moving(Protocol):
@@ -66,43 +68,60 @@ def stop_bounds(trajectory: Timed) -> StopBounds:
     duration = trajectory.duration
     if duration <= 0.0:
         return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
-    cells = max(1, min(int(np.ceil(duration / CELL)), _MOST_CELLS))
-    peaks = _peaks(trajectory, cells)
-    falling, rising = (_table(trajectory, peaks, way) for way in (-1, 1))
+    cell = max(CELL, duration / _MOST_CELLS, _least_stop(trajectory) / _CELLS_A_STOP)
+    cells = int(np.ceil(duration / cell))
+    falling, rising = (_table(allowed, duration) for allowed in _allowed(trajectory, cells))
     return StopBounds(duration, falling, rising)
 
 
-def _table(trajectory: Timed, peaks: FloatArray, way: int) -> RateTable:
+def _least_stop(trajectory: Timed) -> float:
+    """Return how long the fastest carriage alone would need to stop [s], about."""
+    limits = trajectory.machine.stop_limits
+    speeds = np.abs(trajectory.at(np.linspace(0.0, trajectory.duration, 101)).velocity)
+    v, a, j = speeds.max(axis=0), limits.acceleration, limits.jerk
+    return float(np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max())
+
+
+def _allowed(trajectory: Timed, cells: int) -> tuple[FloatArray, FloatArray]:
+    """Return the largest R1 of each shape and cell, falling and rising, (shapes, cells) each."""
+    both = np.empty((2, _SHAPES.size, cells))
+    for begin in range(0, cells, _CHUNK):
+        part = slice(begin, min(begin + _CHUNK, cells))
+        peaks = _peaks(trajectory, cells, part)
+        for row, way in zip(both, (-1, 1), strict=True):
+            for k, rho in enumerate(_SHAPES):
+                row[k, part] = _largest_slope(trajectory.machine, peaks, rho, way)
+    return both[0], both[1]
+
+
+def _table(allowed: FloatArray, duration: float) -> RateTable:
     """Choose for each cell the shape with the quickest change."""
-    allowed = [_largest_slope(trajectory.machine, peaks, rho, way) for rho in _SHAPES]
-    slope, until = _through_windows(np.stack(allowed), trajectory.duration)
+    slope, until = _through_windows(allowed, duration)
     best = np.argmin((1.0 + _SHAPES[:, None]) / slope, axis=0)
     columns = np.arange(best.size)
     chosen = slope[best, columns]
     return RateTable(chosen, chosen**2 / _SHAPES[best], until[best, columns])
 
 
-def _peaks(trajectory: Timed, cells: int) -> FloatArray:
-    """Bound velocity, acceleration and jerk in each cell, each sign by itself.
+def _peaks(trajectory: Timed, cells: int, part: slice) -> FloatArray:
+    """Bound velocity, acceleration and jerk in some of the cells, each sign by itself.
 
     The first two are rigorous: between samples they change at most by the next one's peak times
     half the spacing. Jerk is the largest sample of the cell and of one sample to each side.
 
     Returns:
-        Largest positive and largest negative values, both as amounts, shape (2, 3, cells, 3).
+        Largest positive and largest negative values, both as amounts, shape (2, 3, n, 3).
     """
-    count = cells * SAMPLES
-    times = np.linspace(0.0, trajectory.duration, count + 1)
-    state = trajectory.at(times)
+    step = trajectory.duration / (cells * SAMPLES)
+    times = np.arange(part.start * SAMPLES - 1, part.stop * SAMPLES + 2) * step
+    state = trajectory.at(np.clip(times, 0.0, trajectory.duration))
     one = np.stack([state.velocity, state.acceleration, state.jerk])
     signed = np.stack([one, -one])
     between = np.maximum(signed[:, :, 1:], signed[:, :, :-1])
-    padded = np.pad(between, ((0, 0), (0, 0), (1, 1), (0, 0)), mode="edge")
-    wide = np.maximum(np.maximum(padded[:, :, :-2], padded[:, :, 1:-1]), padded[:, :, 2:])
-    peaks: FloatArray = wide.reshape(2, 3, cells, SAMPLES, 3).max(axis=3)
-    half = 0.5 * trajectory.duration / count
-    peaks[:, 1] += half * peaks[:, 2].max(axis=0)
-    peaks[:, 0] += half * peaks[:, 1].max(axis=0)
+    wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
+    peaks: FloatArray = wide.reshape(2, 3, -1, SAMPLES, 3).max(axis=3)
+    peaks[:, 1] += 0.5 * step * peaks[:, 2].max(axis=0)
+    peaks[:, 0] += 0.5 * step * peaks[:, 1].max(axis=0)
     return np.maximum(peaks, 0.0)
 
 
