@@ -421,3 +421,13 @@ def test_a_path_may_follow_a_singular_surface_a_nanometre_away(
         x, z = centre[0] + r * np.cos(angle), centre[1] + r * np.sin(angle)
         path = dg.Path.arc(*np.stack([x, 0.0 * angle, z], axis=1))
         assert passes(machine, path) is expected
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-3])
+def test_steps_of_ten_nanometres_are_rounded_and_certified(step: float) -> None:
+    turns = np.random.default_rng(4).normal(size=(40, 3))
+    points = np.array([-41.0, 100.0, 300.0]) + step * np.cumsum(turns, axis=0)
+    checked = dg.check_path(dg.Machine.default(), dg.Path.polyline(points, tolerance=0.1 * step))
+    assert checked.curve.length < 100.0 * step
+    straight = np.linspace((-41.0, 100.0, 300.0), (-41.0 + 3 * step, 100.0, 300.0 + 7 * step), 5)
+    assert dg.check_path(dg.Machine.default(), dg.Path.polyline(straight)).curve.rests == ()

@@ -18,6 +18,7 @@ from duoglide.motion.path_pieces import RawPath, raw_path
 from duoglide.motion.path_segments import show
 
 SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a jump needs no blend
+ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
 SHARPEST = np.cos(np.radians(170.0))  # corners that turn back further than this are rests
 VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
 
@@ -73,12 +74,13 @@ def _sort_corners(path: Path, raw: RawPath) -> tuple[BoolArray, BoolArray]:
     one = curve.derivatives(sigma, left)
     other = curve.derivatives(sigma, left + 1)
     jump = np.abs(one[:, 1:3] - other[:, 1:3]).max(axis=(1, 2), initial=0.0)
+    short = np.minimum(curve.spans[left], curve.spans[left + 1])
     t0, t1 = one[:, 1], other[:, 1]
     cosine = np.sum(t0 * t1, axis=1) / np.sqrt(np.sum(t0**2, axis=1) * np.sum(t1**2, axis=1))
     wanted = np.array([isinstance(c, Blend) or c > 0.0 for c in path.corners], dtype=bool)
     halts = {i for i, action in path.actions if needs_rest(action)}
     halted = np.array([i + 1 in halts for i in range(left.size)], dtype=bool)
-    smooth = (jump < SMOOTH) & ~halted
+    smooth = (jump < SMOOTH + ROUNDING / short) & ~halted
     wanted &= ~smooth & ~halted
     rounded = wanted & (cosine > SHARPEST)
     for i in np.flatnonzero(wanted & ~rounded):
@@ -187,8 +189,9 @@ def _assemble(
 
 def _padded(coefficients: FloatArray, rows: int) -> FloatArray:
     """Append rows of zeros up to ``rows`` powers."""
-    missing = rows - coefficients.shape[1]
-    return np.pad(coefficients, ((0, 0), (0, missing), (0, 0)))
+    result = np.zeros((len(coefficients), rows, 3))
+    result[:, : coefficients.shape[1]] = coefficients
+    return result
 
 
 def _trimmed(curve: Curve, skip: FloatArray, spans: FloatArray) -> FloatArray:

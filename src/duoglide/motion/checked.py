@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from duoglide.errors import InputError
+from duoglide.errors import DuoglideError, InputError
 from duoglide.machine import Machine
 from duoglide.motion.actions import Action, action_from_dict
 from duoglide.motion.curve import Curve
@@ -147,6 +147,8 @@ class CheckedPath:
                 actions=tuple((float(s), action_from_dict(a)) for s, a in table["actions"]),
                 speed_caps=tuple(SpeedCap(*row) for row in table["speed_caps"]),
             )
+        except DuoglideError:
+            raise
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"not a checked path: {error!r}") from error
 

@@ -16,7 +16,8 @@ from duoglide.planning.check_refusal import assembly_error, refusal
 from duoglide.planning.check_rules import Rules
 from duoglide.planning.check_search import first_failure
 
-TORN = np.array([1e-6, 1e-6, 1e-6])  # [mm, 1, 1/mm], more than rounding ever leaves of a joint
+TORN = 1e-6  # [mm, 1, 1/mm], more than rounding leaves of a joint of p, p', p''
+ROUNDING = 1e-11  # [mm], and what it may leave where pieces are very short
 
 
 def check_path(machine: Machine, path: Path) -> CheckedPath:
@@ -75,8 +76,10 @@ def _require_whole(curve: Curve) -> None:
     inner = curve.breaks[1:-1]
     left = np.arange(inner.size)
     jumps = np.abs(curve.derivatives(inner, left + 1) - curve.derivatives(inner, left)).max(axis=-1)
-    torn = (jumps[:, :3] > TORN).any(axis=1)
-    torn &= (jumps[:, 0] > TORN[0]) | ~np.isin(inner, curve.rests)
+    short = np.minimum(curve.spans[:-1], curve.spans[1:])[:, None]
+    torn = jumps[:, :3] > TORN + ROUNDING / short ** np.arange(3)
+    torn[np.isin(inner, curve.rests), 1:] = False
+    torn = torn.any(axis=1)
     if torn.any():
         sigma = float(inner[np.argmax(torn)])
         position = curve.position(sigma)

@@ -7,10 +7,12 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.singularity import FAMILIES, margins
 from duoglide.motion.checked import CheckReport, LeastMargin
-from duoglide.planning.check_rules import Rules, judge_points
+from duoglide.planning.check_rules import Intervals, Rules, judge_points
 from duoglide.planning.check_search import first_intervals
 
 _LOOKS = np.linspace(-1.0, 1.0, 5)  # at an interval, from its start to its end
+_MANY = 200  # intervals; of more than these, a few are looked at closely
+_KEPT = 6  # for each family
 _CLOSER = np.linspace(-0.2, 0.2, 5)  # about where the least value is expected
 
 
@@ -18,7 +20,7 @@ def least_margins(rules: Rules) -> CheckReport:
     """Sample every interval with its ends, then look where a parabola through the least ones is."""
     names = (*rules.families, *FAMILIES)
     rows = np.arange(len(names))
-    intervals = first_intervals(rules)
+    intervals = _promising(rules, first_intervals(rules))
     grid = intervals.middle[:, None] + intervals.half[:, None] * _LOOKS
     values = _measure(rules, grid.ravel()).reshape(*grid.shape, -1)
     guess, vertex = _vertices(values)
@@ -43,6 +45,16 @@ def least_margins(rules: Rules) -> CheckReport:
             for name, margin, needed, sigma, length, (x, y, z) in zip(names, *columns, strict=True)
         )
     )
+
+
+def _promising(rules: Rules, intervals: Intervals) -> Intervals:
+    """Keep, of very many intervals, those whose middles are the least of some family."""
+    if intervals.middle.size <= _MANY:
+        return intervals
+    values = _measure(rules, intervals.middle)
+    least = np.argpartition(values, _KEPT, axis=0)[:_KEPT]
+    ends = np.array([[0], [intervals.middle.size - 1]])
+    return intervals[np.unique(np.concatenate([least.ravel(), ends.ravel()]))]
 
 
 def _measure(rules: Rules, sigma: FloatArray) -> FloatArray:
