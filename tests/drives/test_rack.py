@@ -86,3 +86,35 @@ def test_drives_count_in_their_own_direction() -> None:
         node.plant.position = 3.0
     rack.poll(1000)
     assert [node.axis.actual for node in rack.nodes] == [3000, -3000, 3000]
+
+
+def test_without_its_host_a_carriage_brakes_after_one_bridged_cycle(rack: DriveRack) -> None:
+    """The distance that brake-safe plans count on: one cycle at speed, then 0x6085."""
+    for node in rack.nodes:
+        node.objects.write(0x6065, 0, 0xFFFFFFFF)
+    speed, deceleration = 1000.0, 60e3  # mm/s, mm/s^2
+    now, cycles = 10_000, 100
+    for k in range(cycles):
+        cycle(rack, now + k * PERIOD, round(k * speed * PERIOD * 1e-3))
+    last = now + (cycles - 1) * PERIOD
+    latched = (cycles - 2) * speed * PERIOD * 1e-6  # the setpoint in force when the host dies
+    for late in range(0, 100_000, 1000):
+        rack.poll(last + late)
+    expected = latched + speed * PERIOD * 1e-6 + speed**2 / (2.0 * deceleration)
+    for snapshot, start in zip(rack.snapshot(), (0.0, 10.0, -20.0), strict=True):
+        assert snapshot.position - start == pytest.approx(expected, abs=0.05)
+
+
+def test_a_jammed_carriage_is_a_fault_within_window_and_time(rack: DriveRack) -> None:
+    sent: list[tuple[int, bytes]] = []
+    rack.attach(lambda can_id, data: sent.append((can_id, data)))
+    rack.nodes[1].plant.jammed = True
+    for k in range(60):  # 1 m/s: beyond 5 mm after 3 cycles, for longer than 10 ms 5 cycles later
+        cycle(rack, 10_000 + k * PERIOD, 2000 * k)
+        emergencies = [f for f in sent if f[0] == pdo.EMCY + 2]
+        if emergencies:
+            break
+    assert pdo.unpack_emergency(emergencies[0][1]).code == 0x8611
+    assert 8 <= k <= 12
+    others = [f for f in sent if f[0] in (pdo.EMCY + 1, pdo.EMCY + 3)]
+    assert others == []
