@@ -31,9 +31,9 @@ _EXPONENTS = np.arange(11.0)
 _FOLD = (  # products of two polynomials of degree 5, as a matrix
     np.add.outer(np.arange(6), np.arange(6)).reshape(36, 1) == np.arange(11)
 ).astype(np.float64)
-_GRID = np.linspace(0.0, 1.0, 33)
+_GRID = np.linspace(0.0, 1.0, 65)
 _GRID_POWERS = _GRID ** _EXPONENTS[:, None]
-_NEWTON = 5
+_NEWTON = 4
 
 
 @dataclass(frozen=True, slots=True)

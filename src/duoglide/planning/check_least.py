@@ -7,35 +7,33 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.singularity import FAMILIES, margins
 from duoglide.motion.checked import CheckReport, LeastMargin
-from duoglide.planning.check_rules import Intervals, Rules, judge_points
+from duoglide.planning.check_rules import IndexArray, Intervals, Rules, judge_points
 from duoglide.planning.check_search import first_intervals
 
 _LOOKS = np.linspace(-1.0, 1.0, 5)  # at an interval, from its start to its end
 _MANY = 200  # intervals; of more than these, a few are looked at closely
 _KEPT = 6  # for each family
+_NOTHING = 1e-9  # [mm]; a deeper look that promises less than this is not worth it
 _CLOSER = np.linspace(-0.2, 0.2, 5)  # about where the least value is expected
 
 
 def least_margins(rules: Rules) -> CheckReport:
-    """Sample every interval with its ends, then look where a parabola through the least ones is."""
+    """Sample every interval with its ends, then look where parabolas through the samples lead."""
     names = (*rules.families, *FAMILIES)
     rows = np.arange(len(names))
     intervals = _promising(rules, first_intervals(rules))
-    grid = intervals.middle[:, None] + intervals.half[:, None] * _LOOKS
-    values = _measure(rules, grid.ravel()).reshape(*grid.shape, -1)
+    looks = intervals.middle[:, None] + intervals.half[:, None] * _LOOKS
+    values = _measure(rules, looks.ravel()).reshape(*looks.shape, -1)
     guess, vertex = _vertices(values)
-    interval = np.minimum(guess, values.min(axis=1)).argmin(axis=0)
-    middle, half = intervals.middle[interval], intervals.half[interval]
-    close = (vertex[interval, rows] + _CLOSER[:, None]).clip(-1.0, 1.0)
-    near = _measure(rules, (middle + half * close).ravel())
-    near = near.reshape(*close.shape, -1)[:, rows, rows]
-    vertex = _vertices(near[None])[1] * _CLOSER[-1] + close[_CLOSER.size // 2]
-    last = vertex.clip(-1.0, 1.0)
-    at_last = _measure(rules, middle + half * last[0])[rows, rows]
-    table = np.vstack([values[interval, :, rows].T, near, at_last])
-    looks = np.vstack([np.tile(_LOOKS[:, None], rows.size), close, last])
-    best = table.argmin(axis=0)
-    least, where = table[best, rows], middle + half * looks[best, rows]
+    chosen = np.minimum(guess, values.min(axis=1)).argmin(axis=0)
+    best = values[chosen, :, rows].argmin(axis=1)
+    least, where = values[chosen, best, rows], looks[chosen, best]
+    deeper = np.flatnonzero(guess[chosen, rows] < least - _NOTHING)
+    if deeper.size:
+        there = vertex[chosen, rows][deeper]
+        found = _closer(rules, intervals[chosen[deeper]], deeper, there)
+        better = found[0] < least[deeper]
+        least[deeper[better]], where[deeper[better]] = found[0][better], found[1][better]
     required = np.concatenate([rules.required, np.zeros(len(FAMILIES))])
     lengths, points = rules.curve.arc_length(where), rules.curve.position(where)
     columns = (column.tolist() for column in (least, required, where, lengths, points))
@@ -45,6 +43,26 @@ def least_margins(rules: Rules) -> CheckReport:
             for name, margin, needed, sigma, length, (x, y, z) in zip(names, *columns, strict=True)
         )
     )
+
+
+def _closer(
+    rules: Rules, intervals: Intervals, family: IndexArray, vertex: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Find the least value of one family in each interval, about where it is expected.
+
+    Returns:
+        The value, and its sigma.
+    """
+    rows = np.arange(family.size)
+    close = (vertex + _CLOSER[:, None]).clip(-1.0, 1.0)
+    near = _measure(rules, (intervals.middle + intervals.half * close).ravel())
+    near = near.reshape(*close.shape, -1)[:, rows, family]
+    again = _vertices(near[None])[1] * _CLOSER[-1] + close[_CLOSER.size // 2]
+    looks = np.vstack([close, again.clip(-1.0, 1.0)])
+    last = _measure(rules, intervals.middle + intervals.half * looks[-1])[rows, family]
+    table = np.vstack([near, last])
+    best = table.argmin(axis=0)
+    return table[best, rows], intervals.middle + intervals.half * looks[best, rows]
 
 
 def _promising(rules: Rules, intervals: Intervals) -> Intervals:
