@@ -17,7 +17,7 @@ from duoglide.drives.simulated import SimulatedDrives
 from duoglide.machine import DriveSettings
 
 POSITIONS = (-100.0, 0.0, 150.5)
-SETTINGS = DriveSettings(boot_timeout=1.0, sdo_timeout=0.1, direction=(1, -1, 1))
+SETTINGS = DriveSettings(boot_timeout=1.0, sdo_timeout=0.1, sdo_retries=5, direction=(1, -1, 1))
 
 
 @contextmanager
