@@ -202,7 +202,7 @@ class Curve:
         values = np.clip(np.asarray(sigma, dtype=np.float64), 0.0, self.end)
         index = self.piece_at(values)
         local = np.array(values - self.breaks[index])
-        bent = ~self._is_unit[index]
+        bent = ~self._is_unit[index] & (local > 0.0)
         if bent.any():
             local[bent] = self._quadrature(local[bent], index[bent])
         total: FloatArray = self._lengths[index] + local
