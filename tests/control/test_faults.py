@@ -165,6 +165,18 @@ def test_a_lost_feedback_frame_is_counted_and_bridged(running: Any) -> None:
     assert running.happened(Happening.FINISHED)
 
 
+def test_a_lost_feedback_frame_at_full_speed_is_no_following_error(make_bench: Any) -> None:
+    bench = make_bench().enable()
+    bench.run(bench.straight(length=250.0, duration=0.2))  # 2.5 m/s: 5 mm a cycle
+    bench.step(48)
+    bench.lose = lambda identifier: identifier == pdo.TPDO1 + 3
+    bench.step(2)
+    bench.lose = lambda identifier: False
+    bench.step(100)
+    assert not bench.tripped()
+    assert bench.happened(Happening.FINISHED)
+
+
 def test_a_lost_setpoint_is_bridged_by_the_drive(running: Any) -> None:
     running.lose = lambda identifier: identifier == pdo.RPDO1 + 3
     running.step()

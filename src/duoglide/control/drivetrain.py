@@ -85,6 +85,16 @@ class Drivetrain:
         if not self.homed:
             raise NotHomedError("the position reference is not known: home the machine first")
 
+    def require_power(self, what: str) -> None:
+        """Raise DriveError unless the drives are enabled; say what has switched them off."""
+        if not self.enabled:
+            why = "; ".join(trip.words for trip in self.latched)
+            raise DriveError(
+                f"{what} needs power: reset_fault() and enable() after {why}"
+                if why
+                else f"{what} needs power: enable() the drives first"
+            )
+
     @property
     def carriages(self) -> FloatArray:
         """Where the drives say that the carriages are [mm], shape (3,)."""
@@ -158,8 +168,7 @@ class Drivetrain:
             if not again and all(axis.read_homed() for axis in axes):
                 self._set_homed(True)
                 return
-            if not self.enabled:
-                raise DriveError("homing needs power: enable the drives first")
+            self.require_power("homing")
             self._set_homed(False)
             goals = self._goals()
             self._switch(Power.HOMING, (State.OPERATION_ENABLED,))
@@ -205,13 +214,19 @@ class Drivetrain:
         self._homed, self._homed_at = homed, self._connection.monitor.mark
 
     def _switch(self, power: Power, goals: tuple[State, ...]) -> None:
-        """Give an order and wait until every drive is where it leads."""
+        """Give an order and wait until every drive is where it leads.
+
+        A drive that has fallen silent cannot be switched off; it is not waited for.
+        """
         monitor = self._connection.monitor
         mark = monitor.mark
         self._connection.process.order(Command.POWER, power)
 
         def reached(entry: CycleEntry) -> bool:
-            return entry.power == power and all(decode(w) in goals for w in entry.statusword)
+            states = [decode(word) for word in entry.statusword]
+            silent = [power is Power.OFF and entry.missing >> i & 1 for i in range(len(states))]
+            arrived = [s in goals or gone for s, gone in zip(states, silent, strict=True)]
+            return entry.power == power and all(arrived)
 
         if monitor.wait_for(reached, _PATIENCE):
             return

@@ -33,7 +33,8 @@ class CycleEntry(NamedTuple):
         rate: Path time per time.
         setpoint: Sent after this SYNC [increments].
         actual: Sampled at this SYNC [increments].
-        following: Actual position less the setpoint that this SYNC should have found reached.
+        following: Actual position less the setpoint that this SYNC should have found reached; 0
+            where no answer came.
         controlword: Sent after this SYNC.
         statusword: Sampled at this SYNC.
         phase: A ``storage`` phase.

@@ -255,8 +255,7 @@ class Robot:
         if self._run is not None and not self._run.done:
             raise DriveError("a run is in progress; wait for it or stop it first")
         self._end_run()
-        if not self._drives.enabled:
-            raise DriveError("a run needs power: enable the drives first")
+        self._drives.require_power("a run")
         use = require_fit(trajectory, self.machine)
         way = way_to_start(self.machine, self._drives.held, trajectory, approach)
         run_log = None

@@ -92,7 +92,10 @@ class Streamer:
         """Write the record of the cycle before, whose feedback has just come."""
         first, second, third = self._tracks
         actual = (first.actual, second.actual, third.actual)
-        a, b, c = self._sent[0] if self._enabled else actual
+        a, b, c = (
+            due if self._enabled and not track.missing else track.actual
+            for due, track in zip(self._sent[0], self._tracks, strict=True)
+        )
         path_time, rate, phase, state = self._pace
         lost = (first.missing > 0) | (second.missing > 0) << 1 | (third.missing > 0) << 2
         self._outbox.put_cycle(

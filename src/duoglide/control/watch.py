@@ -40,7 +40,8 @@ class Watch:
         """
         for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
             track.fill(view)
-            view.following = abs(track.actual - due[index]) if due else 0
+            known = due is not None and not track.missing  # an old position proves nothing
+            view.following = abs(track.actual - due[index]) if due and known else 0
             if track.homing:
                 view.statusword = view.following = 0  # bits 12 and 13 mean something else there
         self.seen.enabled = due is not None
