@@ -168,3 +168,12 @@ def test_limit_switches_are_where_the_machine_file_says() -> None:
     assert switches[0][0] == -300.0
     assert switches[1][1] == 310.0
     assert switches[2][1] == 320.0  # the negative switch of a drive that counts against +y
+
+
+def test_files_in_the_working_directory_are_not_taken_for_modules(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "queue.py").write_text("raise RuntimeError('this is my queue')\n")
+    monkeypatch.chdir(tmp_path)
+    with SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0)) as drives:
+        assert len(drives.snapshot()) == 3

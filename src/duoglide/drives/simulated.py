@@ -137,7 +137,7 @@ class SimulatedDrives:
         self._pipe, theirs = multiprocessing.Pipe()
         code = "import sys; from duoglide.drives.process import main; main(int(sys.argv[1]))"
         self._process = subprocess.Popen(
-            [sys.executable, "-c", code, str(theirs.fileno())],
+            [sys.executable, "-P", "-c", code, str(theirs.fileno())],
             pass_fds=(theirs.fileno(),),
             stdin=subprocess.DEVNULL,
         )
