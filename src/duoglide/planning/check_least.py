@@ -7,7 +7,8 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.singularity import FAMILIES, margins
 from duoglide.motion.checked import CheckReport, LeastMargin
-from duoglide.planning.check_rules import IndexArray, Intervals, Rules, judge_points
+from duoglide.planning.check_judge import judge_points
+from duoglide.planning.check_rules import IndexArray, Intervals, Rules
 from duoglide.planning.check_search import first_intervals
 
 _LOOKS = np.linspace(-1.0, 1.0, 5)  # at an interval, from its start to its end

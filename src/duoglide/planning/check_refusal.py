@@ -16,7 +16,8 @@ from duoglide.kinematics.singularity import margins
 from duoglide.machine import Machine
 from duoglide.motion.curve import Curve
 from duoglide.motion.path_segments import show
-from duoglide.planning.check_rules import TOUCHING, Rules, judge_points
+from duoglide.planning.check_judge import judge_points
+from duoglide.planning.check_rules import TOUCHING, Rules
 from duoglide.planning.check_search import first_failure
 
 SAMPLES = 1000  # to find how far a rule is broken

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from duoglide.planning.check_rules import Intervals, Rules, judge
+from duoglide.planning.check_judge import judge
+from duoglide.planning.check_rules import Intervals, Rules
 
 FIRST_LENGTH = 16.0  # [mm] of the intervals to begin with
 PARTS = 4  # into which an undecided interval is cut
