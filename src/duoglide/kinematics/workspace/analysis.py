@@ -151,7 +151,7 @@ def _best(grid: Grid, free: BoolArray, measure: Measure) -> tuple[FloatArray, fl
         around = best + reach * offsets
         around = around[_in_free_cell(grid, free, around)]
         values = measure(around)
-        if values.max() > value:
+        if values.max(initial=-np.inf) > value:
             best, value = around[values.argmax()], float(values.max())
         else:
             reach /= 2.0

@@ -31,7 +31,7 @@ def joint_space_panels(geometry: Geometry, families: tuple[str, ...], half: floa
 def _curves(g: Geometry, family: str, half: float) -> list[FloatArray]:
     """Return the curves of (B, W), shape (n, 2), on which a family's surface stands."""
     W = np.linspace(-4.0 * half, 4.0 * half, 2 * _POINTS)
-    B = np.linspace(-1.0, 1.0, 4 * _POINTS) * 2.0 * g.leg_length
+    B = np.linspace(-1.0, 1.0, 2 * _POINTS) * 2.0 * g.leg_length
     match family:
         case "legs vertical" | "legs parallel":
             return [np.stack([np.zeros_like(W), W], axis=-1)]
@@ -59,8 +59,23 @@ def _curves(g: Geometry, family: str, half: float) -> list[FloatArray]:
         parts = np.split(np.arange(len(B)), np.flatnonzero(np.diff(real.astype(int))) + 1)
         for part in parts:
             if real[part[0]] and len(part) > 1:
-                lines += [np.stack([B[part], s * 2.0 * stroke[part]], axis=-1) for s in (-1, 1)]
+                stretch = np.stack([B[part], 2.0 * stroke[part]], axis=-1)
+                stretch = np.concatenate([*_tips(B, radius, part.tolist(), g), stretch])
+                stretch = stretch[stretch[:, 0].argsort()]
+                lines += [stretch * np.array([1.0, sign]) for sign in (-1.0, 1.0)]
     return lines
+
+
+def _tips(B: FloatArray, radius: FloatArray, part: list[int], g: Geometry) -> list[FloatArray]:
+    """Return the ends of a stretch where the strut's stroke vanishes, each of shape (1, 2)."""
+    longest = g.strut_length
+    tips = []
+    for last, beyond in ((part[0], part[0] - 1), (part[-1], part[-1] + 1)):
+        if 0 <= beyond < len(B):
+            inside, outside = longest - abs(radius[last]), longest - abs(radius[beyond])
+            share = inside / (inside - outside)
+            tips.append(np.array([[B[last] + share * (B[beyond] - B[last]), 0.0]]))
+    return tips
 
 
 def _F1(g: Geometry) -> float:  # noqa: N802  # the paper's symbol
@@ -74,7 +89,7 @@ def _rises(g: Geometry, B: FloatArray) -> list[FloatArray]:
     return [lift + h] if lift == 0.0 else [lift + h, lift - h]
 
 
-def _along_diagonal(g: Geometry, line: FloatArray, half: float, slices: int = 12) -> FloatArray:
+def _along_diagonal(g: Geometry, line: FloatArray, half: float, slices: int = 4) -> FloatArray:
     """Extrude a curve of (B, W) along (1, 1, 1), cut by the cube, shape (n, 4, 3)."""
     offset = 0.5 * (line[:, 0] + g.coupler_length)
     offsets = np.stack([-offset, offset, -0.5 * line[:, 1]], axis=-1)

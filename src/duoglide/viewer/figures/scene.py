@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Colour: TypeAlias = str
 
 INK = "#222222"
-IMAGE = 1200  # [pixels], greater side of the image of the panels
+IMAGE = 1000  # [pixels], greater side of the image of the panels
 OVERLAP = 0.06  # of the length of a piece
 _PIECE = 45.0  # [mm], length of the pieces into which tubes are cut for sorting
 _LIGHT = np.array([-0.35, -0.55, 0.76])
@@ -136,7 +136,7 @@ def draw(axes: Axes, scene: Scene, view: View) -> None:
         for tube in scene.tubes
         for piece in _cut(tube)
     ]
-    jobs += [(float(dot.at @ basis[2]) + 0.3 * dot.size, dot) for dot in scene.dots]
+    jobs += [(float(dot.at @ basis[2]) + 0.6 * _PIECE, dot) for dot in scene.dots]
     jobs += [
         (float("inf") if line.on_top else float((line.points @ basis[2]).mean()), line)
         for line in scene.lines

@@ -161,7 +161,7 @@ def figure_11(geometry: Geometry) -> Plate:
         scene = Scene()
         scene.add(workspace_panels(geometry))
         for name, line in _bordering(geometry, families):
-            corners = extruded(line[:: max(len(line) // 90, 1)], (-340.0, 340.0))
+            corners = extruded(line[np.linspace(0, len(line) - 1, 90).astype(int)], (-340.0, 340.0))
             scene.add(Panels(corners, COLOURS[name], 0.5))
         _box(scene, XYZ, ALONG, half_y=360.0)
         panels.append(Solid(f"({letters[0]})  {what}", scene, ALONG))

@@ -22,6 +22,7 @@ COLOURS = {
 SERIAL = ("legs vertical", "strut", "arm flat")
 PARALLEL = ("legs flat", "arm in line with strut (case 2)")
 _POINTS = 121
+BESIDE = 0.1  # [mm], more than a chord of a sampled circle is off it
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +76,14 @@ def _case_2(g: Geometry, v: int) -> list[FloatArray]:
     half = g.rail_half_spacing - g.platform_half_width
     foot = g.carriage_height + g.strut_drop
     lines = []
-    for start, end in ((0.0, 0.5 * np.pi), (0.5 * np.pi, np.pi)):
-        beta = np.linspace(start, end, 30 * _POINTS)[1:-1]
+    quarter = np.linspace(0.0, 0.5 * np.pi, 30 * _POINTS)[:-1]
+    for beta in (quarter, np.pi - quarter):
         X = 2.0 * half - g.arm_length * np.cos(beta)
         Z = -v * X * np.tan(beta)
         near = np.abs(Z) <= g.strut_length
         line = np.stack([X - half, foot + Z], axis=-1)[near]
         if len(line) > 1:
-            lines.append(line[:: max(len(line) // 120, 1)])
+            lines.append(line[np.linspace(0, len(line) - 1, min(len(line), 120)).astype(int)])
     return lines
 
 
@@ -95,7 +96,7 @@ def within_reach(geometry: Geometry, curve: PlaneCurve, v: int = 1) -> list[Floa
     normal = np.gradient(fine, axis=0)[:, ::-1] * np.array([-1.0, 1.0])
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     inside = np.zeros(len(fine), dtype=bool)
-    for side in (-1e-2, 1e-2):
+    for side in (-BESIDE, BESIDE):
         moved = fine + side * normal
         poses = np.stack([moved[:, 0], np.zeros(len(moved)), moved[:, 1]], axis=-1)
         inside |= reachable(geometry, poses, WorkingMode(v=v))
@@ -111,7 +112,7 @@ def _resampled(points: FloatArray, count: int) -> FloatArray:
     return np.stack([np.interp(at, length, points[:, i]) for i in range(2)], axis=-1)
 
 
-def extruded(line: FloatArray, y: tuple[float, float], slices: int = 8) -> FloatArray:
+def extruded(line: FloatArray, y: tuple[float, float], slices: int = 5) -> FloatArray:
     """Return panels of a cylinder along y over a polyline of the xz plane, shape (n, 4, 3)."""
     along = np.linspace(*y, slices + 1)
     grid = np.empty((len(line), len(along), 3))
@@ -157,7 +158,7 @@ def _sheet(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     return np.stack([np.broadcast_to(x[:, None], z.shape), y, z], axis=-1)
 
 
-def _between(low: FloatArray, high: FloatArray, slices: int = 10) -> FloatArray:
+def _between(low: FloatArray, high: FloatArray, slices: int = 5) -> FloatArray:
     """Return points between two lines of points, shape (n, slices + 1, 3)."""
     way = np.linspace(0.0, 1.0, slices + 1)[:, None]
     with np.errstate(invalid="ignore"):  # infinite where nothing is admissible
