@@ -62,7 +62,7 @@ class StreamerProcess:
         self._orders, orders = socket.socketpair()
         self._bulk, bulk = socket.socketpair()
         theirs = (descriptor, orders.fileno(), bulk.fileno())
-        command = [sys.executable, "-m", "duoglide.control.streamer_main", *map(str, theirs)]
+        command = [sys.executable, "-P", "-m", "duoglide.control.streamer_main", *map(str, theirs)]
         try:
             # A session of its own: Ctrl-C and Ctrl-Z in the terminal are for the host alone.
             self._process = subprocess.Popen(
