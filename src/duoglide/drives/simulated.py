@@ -140,6 +140,7 @@ class SimulatedDrives:
             [sys.executable, "-P", "-c", code, str(theirs.fileno())],
             pass_fds=(theirs.fileno(),),
             stdin=subprocess.DEVNULL,
+            start_new_session=True,  # keys at the terminal are for the parent alone
         )
         theirs.close()
         try:
