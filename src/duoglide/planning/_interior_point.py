@@ -22,6 +22,8 @@ MAX_STEPS = 60
 WIDTH = 4  # consecutive unknowns that a row touches
 _BACK = 0.995  # how far to go toward the nearest bound
 _LEAST_SLACK = 1e-3
+_SHORT = 0.2  # a step that goes less far than this
+_CENTRE = 0.5  # of the gap, to aim at then
 _FIRST_GAP = 0.1  # of the cost
 _BACK_COST = 0.9  # how far to go toward an infinite cost
 _FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 1e-8
@@ -141,8 +143,9 @@ def _direction(system: Any, state: FloatArray, newton: Any, target: float, secon
     dx[:] = -gradient
     for r in range(s.size):
         pull = z[r] * residual[r]
+        pull += target
         if second:
-            pull += target - ds[r] * dz[r]
+            pull -= ds[r] * dz[r]
         add(dx, first[r], rows[r], -pull / s[r])
     back_solve(band, dx)
     go_s = 1.0
@@ -151,9 +154,9 @@ def _direction(system: Any, state: FloatArray, newton: Any, target: float, secon
         move = -residual[r]
         for j in range(WIDTH):
             move -= rows[r, j] * dx[first[r] + j]
-        change = -z[r] * (1.0 + move / s[r])
+        change = target / s[r] - z[r] * (1.0 + move / s[r])
         if second:
-            change += (target - ds[r] * dz[r]) / s[r]
+            change -= ds[r] * dz[r] / s[r]
         ds[r] = move
         dz[r] = change
         if move < 0.0:
@@ -228,6 +231,8 @@ def _solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> Any:
         ahead = ((state[1] + go_s * state[3]) * (state[2] + go_z * state[4])).sum()
         target = gap / m * (ahead / gap) ** 3
         go_s, go_z = direction(system, state, newton, target, True)
+        if min(go_s, go_z) < _SHORT:  # the correction does more harm than good: only centre
+            go_s, go_z = direction(system, state, newton, _CENTRE * gap / m, False)
         advance(goal, iterate, newton[2], go_s, go_z)
         evaluate(system, goal, iterate)
     return MAX_STEPS, False

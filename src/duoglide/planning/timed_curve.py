@@ -21,6 +21,7 @@ from duoglide.motion.profile import Profile
 from duoglide.planning import _motion_kernel
 
 _NO_CAP = 1e12  # mm/s
+_SAME = 1e-6  # mm
 _SIDES = 8  # pairs of opposite sides of the polygon that stands for a circle
 _INNER = np.cos(np.pi / (2 * _SIDES))
 
@@ -88,8 +89,9 @@ class TimedCurve:
         ends = [end for cap in self.speed_caps for end in (cap.start, cap.end)]
         breaks = self.curve.breaks
         others = np.setdiff1d(np.array(ends), breaks).clip(0.0, self.curve.end)
-        apart = np.abs(others[:, None] - breaks).min(axis=1, initial=np.inf) > 1e-6
-        return np.union1d(breaks, others[apart])
+        after = np.searchsorted(breaks, others).clip(1, breaks.size - 1)
+        gap = np.minimum(others - breaks[after - 1], breaks[after] - others)
+        return np.union1d(breaks, others[gap > _SAME])
 
     @cached_property
     def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -148,9 +150,9 @@ class TimedCurve:
 
     def _tool_speed(self, sigma: FloatArray) -> FloatArray:
         result = np.full(sigma.shape, _NO_CAP)
-        for cap in self.speed_caps:
-            inside = (sigma >= cap.start) & (sigma <= cap.end)
-            result[inside] = np.minimum(result[inside], cap.speed)
+        for cap in self.speed_caps:  # in order, and sigma ascends
+            first, last = np.searchsorted(sigma, [cap.start, cap.end])
+            result[first:last] = np.minimum(result[first:last], cap.speed)
         return result
 
     def pieces_of(self, sigma: FloatArray) -> NDArray[np.intp]:

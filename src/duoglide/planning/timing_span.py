@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cbrt, inf, sqrt
 
 import numpy as np
@@ -46,6 +46,10 @@ class Effort:
     polish: int = 6
     tolerance: float = 1e-5
 
+    def finer(self) -> Effort:
+        """Return what to try where this did not converge: other knots, and more of them."""
+        return replace(self, coarse=2 * self.coarse, cells=self.cells + self.cells // 2)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Span:
@@ -63,7 +67,7 @@ class Span:
 def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Span:
     """Time the part of a curve between two rests, ``start`` and ``end`` [mm]."""
     search = _Search.between(timed, start, end)
-    found = search.quickest(effort)
+    found = search.quickest(effort) or search.quickest(effort.finer())
     if found is None:
         return Span(search.simple(), "the interior-point method did not converge")
     if search.fixed.size > 2:
