@@ -40,22 +40,30 @@ def run_with_progress(
         handle.wait(_STOP_PATIENCE)
         raise
     require_success(report)
-    if not report.completed:
-        last = f": {report.events[-1][1].text}" if report.events else ""
-        raise DriveError(f"the run ended at path time {report.path_time:.4f} s{last}")
+    _require_end(report)
     return report
 
 
 def finish(report: RunReport, log: Path | None, as_json: bool) -> None:
-    """Print a run's report."""
+    """Print a run's report.
+
+    Raises:
+        DriveError: The run did not come to its end.
+    """
     if as_json:
         say_json(report.to_dict())
-        return
-    end = "completed" if report.completed else f"stopped at path time {report.path_time:.3f} s"
-    say(f"{end}: {report.cycles} cycles in {report.duration:.3f} s")
-    say_facts(run_facts(report))
-    if log is not None:
-        say(f"log: {log}")
+    else:
+        say(f"{report.cycles} cycles in {report.duration:.3f} s")
+        say_facts(run_facts(report))
+        if log is not None:
+            say(f"log: {log}")
+    _require_end(report)
+
+
+def _require_end(report: RunReport) -> None:
+    if not report.completed:
+        last = f": {report.events[-1][1].text}" if report.events else ""
+        raise DriveError(f"the run ended at path time {report.path_time:.4f} s{last}")
 
 
 def run_facts(report: RunReport) -> list[tuple[str, str]]:

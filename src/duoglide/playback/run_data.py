@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from duoglide.arrays import AXES, BoolArray, FloatArray
 from duoglide.drives.scale import Scale
 from duoglide.errors import LogError
 from duoglide.machine import Machine
-from duoglide.storage import CycleRecord, Document, Log, LogKind, Phase, Topic
+from duoglide.storage import Document, Log, LogKind, Phase, Topic
 
 IntArray = NDArray[np.int64]
 SETPOINT_DELAY = 2
@@ -114,27 +114,39 @@ def read_run(log: Log) -> RunData:
     """
     if log.kind is not LogKind.RUN:
         raise LogError(f"{log.path} is a {log.kind}, not a run: nothing has been streamed yet")
-    pairs = list(log.records(Topic.CYCLE))
-    records = [record for _, record in pairs]
-    times = np.array([t for t, _ in pairs], dtype=np.float64)
+    times = array("d")
+    wholes = {name: array("q") for name in _WHOLES}
+    reals = {name: array("d") for name in ("path_time", "rate")}
+    for t, record in log.records(Topic.CYCLE):
+        times.append(t)
+        for name, numbers in reals.items():
+            numbers.append(getattr(record, name))
+        for name, columns in _WHOLES.items():
+            value = getattr(record, name)
+            wholes[name].extend(value if columns > 1 else (value,))
+    time = np.array(times)
     return RunData(
         machine=machine_of(log),
-        time=times - times[0] if pairs else times,
-        cycle=_column(records, "cycle"),
-        phase=_column(records, "phase"),
-        path_time=_column(records, "path_time", np.float64),
-        rate=_column(records, "rate", np.float64),
-        setpoint=_column(records, "setpoint"),
-        actual=_column(records, "actual"),
-        controlword=_column(records, "controlword"),
-        statusword=_column(records, "statusword"),
-        lateness=_column(records, "lateness"),
-        missing=_column(records, "missing"),
+        time=time - time[:1],
+        path_time=np.array(reals["path_time"]),
+        rate=np.array(reals["rate"]),
+        **{name: _table(numbers, _WHOLES[name]) for name, numbers in wholes.items()},
     )
 
 
-def _column(records: list[CycleRecord], name: str, kind: type = np.int64) -> Any:
-    """Return one field of every record as an array, also of none at all."""
-    triples = name in ("setpoint", "actual", "controlword", "statusword")
-    shape = (len(records), AXES) if triples else (len(records),)
-    return np.array([getattr(record, name) for record in records], dtype=kind).reshape(shape)
+_WHOLES = {  # fields of whole numbers, and how many each has
+    "cycle": 1,
+    "phase": 1,
+    "setpoint": AXES,
+    "actual": AXES,
+    "controlword": AXES,
+    "statusword": AXES,
+    "lateness": 1,
+    "missing": 1,
+}
+
+
+def _table(numbers: array[int], columns: int) -> IntArray:
+    """Return numbers as an array of shape (n,), or (n, columns)."""
+    flat = np.array(numbers, dtype=np.int64)
+    return flat if columns == 1 else flat.reshape(-1, columns)

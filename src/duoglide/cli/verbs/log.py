@@ -64,7 +64,8 @@ def log(
     require_place(csv, parquet, candump, foxglove)
     from duoglide.storage import read_log
 
-    opened = read_log(file)
+    with working("opening"):
+        opened = read_log(file)
     exports = _exports({"csv": csv, "parquet": parquet, "candump": candump, "foxglove": foxglove})
     for name, goal, write in exports:
         with working(f"writing {goal}"):
@@ -105,7 +106,8 @@ def _with_goal(writer: tuple[str, Callable[[Log, Path], int]], goal: Path) -> Wr
 def _summarise(opened: Log, as_json: bool) -> None:
     from duoglide.playback.summary import summarise
 
-    summary = summarise(opened)
+    with working("reading"):
+        summary = summarise(opened)
     if as_json:
         say_json(summary.to_dict())
         return
