@@ -166,7 +166,16 @@ class Curve:
 
     def position(self, sigma: float | FloatArray) -> FloatArray:
         """Return the position at ``sigma`` [mm], shape (..., 3)."""
-        return self.derivatives(sigma)[..., 0, :]
+        if isinstance(sigma, float | int) or self._has_arcs:
+            return self.derivatives(sigma)[..., 0, :]
+        values = np.minimum(np.maximum(np.asarray(sigma, dtype=np.float64), 0.0), self.end)
+        index = self.piece_at(values)
+        c = self.coefficients[index]
+        powers = np.ones((*values.shape, c.shape[-2]))
+        powers[..., 1:] = ((values - self.breaks[index]) / self.spans[index])[..., None]
+        np.multiply.accumulate(powers, axis=-1, out=powers)
+        found: FloatArray = (powers[..., None, :] @ c)[..., 0, :]
+        return found
 
     @cached_property
     def _lengths(self) -> FloatArray:
@@ -215,6 +224,8 @@ class Curve:
 
     def moved(self, offset: FloatArray) -> Curve:
         """Return this curve, every point moved by ``offset`` [mm]."""
+        if not np.any(offset):
+            return self
         coefficients = self.coefficients.copy()
         coefficients[:, 0, :] += offset
         return Curve(self.spans, self.rates, coefficients, self.rests)

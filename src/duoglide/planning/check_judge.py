@@ -22,16 +22,22 @@ def judge(rules: Rules, intervals: Intervals) -> Verdict:
     return judge_parts(rules, Parts(states, intervals.half, first, second))
 
 
-def judge_points(rules: Rules, positions: FloatArray) -> FloatArray:
+def judge_points(rules: Rules, positions: FloatArray, cleared: bool = True) -> FloatArray:
     """Evaluate every rule at single positions of the platform's centre.
+
+    Args:
+        rules: The rules.
+        positions: Shape (n, 3) [mm].
+        cleared: Whether the clearance is asked for; else it is infinite.
 
     Returns:
         Margins less what is required [mm], shape (n, families); minus infinity out of reach.
     """
     reach = reach_of(positions, rules.constants)
     inside = reach.lacking.max(axis=1) < 0.0
-    clear = np.full(len(positions), -np.inf)
-    clear[inside], _ = nearest_surface(rules.machine.geometry, WORKING.v, positions[inside])
+    clear = np.full(len(positions), np.inf)
+    if cleared:
+        clear[inside], _ = nearest_surface(rules.machine.geometry, WORKING.v, positions[inside])
     found, gap = places(rules.constants, positions[:, 1], reach)
     out = [outside(box, positions).max(axis=1) for box in rules.machine.keep_out]
     limit = rules.machine.geometry.rail_half_length

@@ -8,7 +8,7 @@ from duoglide.arrays import FloatArray
 from duoglide.kinematics.singularity import FAMILIES, margins
 from duoglide.motion.checked import CheckReport, LeastMargin
 from duoglide.planning.check_judge import judge_points
-from duoglide.planning.check_rules import IndexArray, Intervals, Rules
+from duoglide.planning.check_rules import CLEARANCE, IndexArray, Intervals, Rules
 from duoglide.planning.check_search import first_intervals
 
 _LOOKS = np.linspace(-1.0, 1.0, 5)  # at an interval, from its start to its end
@@ -56,11 +56,12 @@ def _closer(
     """
     rows = np.arange(family.size)
     close = (vertex + _CLOSER[:, None]).clip(-1.0, 1.0)
-    near = _measure(rules, (intervals.middle + intervals.half * close).ravel())
+    cleared = bool((family == CLEARANCE).any())
+    near = _measure(rules, (intervals.middle + intervals.half * close).ravel(), cleared)
     near = near.reshape(*close.shape, -1)[:, rows, family]
     again = _vertices(near[None])[1] * _CLOSER[-1] + close[_CLOSER.size // 2]
     looks = np.vstack([close, again.clip(-1.0, 1.0)])
-    last = _measure(rules, intervals.middle + intervals.half * looks[-1])[rows, family]
+    last = _measure(rules, intervals.middle + intervals.half * looks[-1], cleared)[rows, family]
     table = np.vstack([near, last])
     best = table.argmin(axis=0)
     return table[best, rows], intervals.middle + intervals.half * looks[best, rows]
@@ -76,12 +77,12 @@ def _promising(rules: Rules, intervals: Intervals) -> Intervals:
     return intervals[np.unique(np.concatenate([least.ravel(), ends.ravel()]))]
 
 
-def _measure(rules: Rules, sigma: FloatArray) -> FloatArray:
+def _measure(rules: Rules, sigma: FloatArray, cleared: bool = True) -> FloatArray:
     """Margins of every family, not less what is required, shape (n, families)."""
     points = rules.curve.position(sigma)
     found = margins(rules.machine.geometry, points).by_family()
     surfaces = np.stack([np.abs(found[name]) for name in FAMILIES], axis=-1)
-    return np.concatenate([judge_points(rules, points) + rules.required, surfaces], axis=1)
+    return np.concatenate([judge_points(rules, points, cleared) + rules.required, surfaces], axis=1)
 
 
 def _vertices(values: FloatArray) -> tuple[FloatArray, FloatArray]:

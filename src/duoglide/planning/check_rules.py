@@ -17,6 +17,7 @@ from duoglide.motion.curve_bounds import CurveBounds, curve_bounds
 
 TOUCHING = 1e-7  # [mm]; a margin this near to what is required counts as touching, and is refused
 SURE = 0.9e-7  # [mm]; a bound this far above what is required certifies an interval
+CLEARANCE = 0  # place of it among the families
 BASE_FAMILIES = ("clearance", "travel_1", "travel_2", "travel_3", "order")
 
 IndexArray: TypeAlias = NDArray[np.intp]
