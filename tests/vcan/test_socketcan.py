@@ -30,13 +30,14 @@ HOME = (-41.0, 0.0, 302.0)
 DEFAULT = dg.Machine.default()
 MACHINE = replace(
     DEFAULT,
-    limits=DEFAULT.limits.scaled(0.05),
+    limits=DEFAULT.limits.scaled(0.02),
     drives=replace(
         DEFAULT.drives,
         cycle=0.01,
         setpoint_timeout=1.0,  # one slow processor for four processes: what is tried here is
         heartbeat_period=0.2,  # behaviour, and nothing may time out that is not meant to
         heartbeat_timeout=5.0,
+        following_error_window=30.0,
         missing_frames=50,
         late_cycles=50,
         sdo_timeout=2.0,

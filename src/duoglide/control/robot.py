@@ -267,6 +267,7 @@ class Robot:
             self._connection.process.load(first)
         program = prepare(trajectory, self.machine, self._next_number(), Phase.PROGRAM)
         self._connection.process.load(program)
+        self._drives.require_power("a run")  # planning takes its time, and much may have happened
         plan = RunPlan(first, program, override, self._drives.scales, use)
         self._run = RunHandle(plan, self._connection.process, self._connection.monitor, run_log)
         return self._run
