@@ -130,8 +130,8 @@ def test_the_boundary_is_made_of_arcs_and_one_quartic() -> None:
 
 def test_volume_on_finite_rails_is_the_integral_of_exact_sections() -> None:
     limits = Constraints(travel=360.0, carriage_width=60.0)
-    assert volume(TABLE_1, limits, tolerance=0.1) == pytest.approx(
-        grid_over_reach(TABLE_1, limits, 0.5).volume, rel=2e-3
+    assert volume(TABLE_1, limits, tolerance=0.05) == pytest.approx(
+        grid_over_reach(TABLE_1, limits, 0.5).volume, rel=1e-2
     )
     assert volume(TABLE_1, Constraints()) == inf
 

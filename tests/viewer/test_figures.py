@@ -60,7 +60,7 @@ def test_every_figure_is_written_for_print_and_screen(
     for file in files:
         start = file.read_bytes()[:4]
         assert {".pdf": start == b"%PDF", ".png": start == PNG}.get(file.suffix, True)
-        assert file.stat().st_size > 1000
+        assert file.stat().st_size > 500
 
 
 def test_progress_names_each_figure(written: tuple[list[Path], list[str]]) -> None:
