@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import duoglide as dg
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import locate, platform_speed, room
+from duoglide.planning.transfer import transfer_carriages
 
 MACHINE = dg.Machine.default()
 A, B = (-80.0, -100.0, 300.0), (40.0, 100.0, 290.0)
@@ -167,3 +168,11 @@ def test_carriages_whose_links_do_not_close_have_no_room() -> None:
     _, closed = locate(MACHINE, carriages)
     assert not closed.any()
     assert np.all(room(MACHINE, carriages).least() == -np.inf)
+
+
+def test_one_carriage_can_be_moved_by_itself() -> None:
+    start = dg.inverse(MACHINE.geometry, (-41.0, 0.0, 302.0))
+    trajectory = transfer_carriages(MACHINE, start, np.add(start, (0.0, 1.0, 0.0)))
+    np.testing.assert_allclose(trajectory.end - start, [0.0, 1.0, 0.0], atol=1e-9)
+    with pytest.raises(dg.PathError, match="crosses a singularity"):
+        transfer_carriages(MACHINE, start, np.add(start, (0.0, 0.0, 200.0)))

@@ -50,32 +50,26 @@ def transfer(
         InputError: Not two positions.
         PathError: An end is not admissible, or none of the ways is; says why for each.
     """
-    ends = [as_triples(start, "start"), as_triples(goal, "goal")]
-    for end, name in zip(ends, ("start", "goal"), strict=True):
-        if end.shape != (3,):
-            raise InputError(f"{name} must have shape (3,), got {end.shape}")
-    carriages = [
-        _require_room(machine, end, name) for end, name in zip(ends, ("start", "goal"), strict=True)
-    ]
-    refused = []
+    here, there = (_position(value, name) for value, name in ((start, "start"), (goal, "goal")))
+    carriages = _require_room(machine, here, "start"), _require_room(machine, there, "goal")
     try:
-        return _direct(machine, carriages[0], carriages[1], brake_safe)
+        return _direct(machine, *carriages, brake_safe)
     except (PathError, LimitError) as error:
-        refused.append(f"through carriage space: {error}")
         first = error
-    for way, path in _ways_round(machine, ends[0], ends[1]):
+    refused = [f"through carriage space: {first}"]
+    for way, path in _ways_round(machine, here, there):
         try:
             return _planned(machine, path, brake_safe)
         except DuoglideError as error:
             refused.append(f"{way}: {error}")
     reasons = "\n  ".join(refused)
     raise PathError(
-        f"no safe transfer from {_show(ends[0])} to {_show(ends[1])} mm:\n  {reasons}",
+        f"no safe transfer from {_show(here)} to {_show(there)} mm:\n  {reasons}",
         arc_length=getattr(first, "arc_length", float("nan")),
         position=getattr(first, "position", ()),
         quantity=getattr(first, "quantity", ""),
         amount=getattr(first, "amount", float("nan")),
-    )
+    ) from first
 
 
 def transfer_carriages(
@@ -88,6 +82,13 @@ def transfer_carriages(
         LimitError: Ruckig finds no motion.
     """
     return _direct(machine, start, goal, brake_safe)
+
+
+def _position(value: ArrayLike, name: str) -> FloatArray:
+    position = as_triples(value, name)
+    if position.shape != (3,):
+        raise InputError(f"{name} must have shape (3,), got {position.shape}")
+    return position
 
 
 def _direct(machine: Machine, start: FloatArray, goal: FloatArray, brake_safe: bool) -> Trajectory:
