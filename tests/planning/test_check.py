@@ -431,3 +431,24 @@ def test_steps_of_ten_nanometres_are_rounded_and_certified(step: float) -> None:
     assert checked.curve.length < 100.0 * step
     straight = np.linspace((-41.0, 100.0, 300.0), (-41.0 + 3 * step, 100.0, 300.0 + 7 * step), 5)
     assert dg.check_path(dg.Machine.default(), dg.Path.polyline(straight)).curve.rests == ()
+
+
+def test_whatever_is_asked_the_answer_is_a_checked_path_or_a_path_error() -> None:
+    rng = np.random.default_rng(7)
+    aligned = dg.Geometry(rail_half_spacing=45.0, platform_half_width=45.0)
+    machines = [dg.Machine(), dg.Machine(clearance=0.0), dg.Machine(geometry=aligned)]
+    decided = {True: 0, False: 0}
+    for turn in range(45):
+        size = 10.0 ** rng.uniform(-4.0, 3.0) if turn % 2 else 60.0
+        points = [-41.0, 0.0, 300.0] + rng.normal(size=(4, 3)) * size
+        if turn % 5 == 0:
+            points[2] = points[0]  # a way back
+        paths = dg.Path.through(points), dg.Path.polyline(points, tolerance=size / 4.0)
+        try:
+            checked = dg.check_path(machines[turn % 3], paths[turn % 2])
+            assert all(e.margin >= e.required for e in checked.report.least[:5])
+            decided[True] += 1
+        except dg.PathError as error:
+            assert len(error.position) == 3
+            decided[False] += 1
+    assert min(decided.values()) > 5

@@ -130,3 +130,27 @@ def test_files_that_cannot_be_read_are_refused(tmp_path: pathlib.Path) -> None:
         read_program(tmp_path / "folder.csv")
     with pytest.raises(dg.InputError, match="tolerance"):
         read_program(tmp_path / "none.csv", tolerance=-1.0)
+
+
+GOOD = {
+    "a.toml": "",
+    "a.csv": "x,y,z,speed\n0,0,300,10\n0,10,300\n5;5;310;3\n",
+    "a.nc": "%\nN10 G21 G90 (x)\nG0 X0 Y0 Z300\nG1 Y10 F600\nG2 X10 Y0 I5 J-5\nG3 X20 R8\n"
+    "G4 P0.5\nM64 P16\nG91 G1 X1\nG64 P0.2\nM66 P1 L3 Q2\nM30",
+}
+LETTERS = "GMXYZIJKRFPLQ0123456789.-+ \n,;=[]{}'\"#()truefalsenainf"
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_a_damaged_program_is_a_path_or_an_input_error(read, name: str) -> None:  # type: ignore[no-untyped-def]
+    rng = np.random.default_rng(9)
+    good = GOOD[name] or example()
+    for _ in range(150):
+        text = list(good)
+        for _ in range(rng.integers(1, 4)):
+            place = int(rng.integers(len(text)))
+            text[place] = "" if rng.random() < 0.3 else LETTERS[rng.integers(len(LETTERS))]
+        try:
+            assert read(name, "".join(text)).segments
+        except dg.InputError as error:
+            assert name in str(error)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from duoglide.errors import DuoglideError, InputError
+from duoglide.kinematics.singularity import FAMILIES
 from duoglide.machine import Machine
 from duoglide.motion.actions import Action, action_from_dict
 from duoglide.motion.curve import Curve
@@ -61,8 +62,9 @@ class CheckReport:
 
     @property
     def tightest(self) -> LeastMargin:
-        """The rule that is nearest to being broken."""
-        return min(self.least, key=lambda entry: entry.margin - entry.required)
+        """The rule that is nearest to being broken; the single surfaces count by the clearance."""
+        rules = [entry for entry in self.least if entry.family not in FAMILIES]
+        return min(rules, key=lambda entry: entry.margin - entry.required)
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.least))
