@@ -44,6 +44,7 @@ def write_workspace(machine: Machine, file: str | Path, step: float = 1.0) -> Wo
         across, along = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
         _across(across, machine, report, exact)
         _along(along, report)
+        figure.legend(fontsize=6.5, frameon=False, loc="outside lower center", ncols=6)
         figure.suptitle(describe(report), fontsize=8.0, x=0.01, ha="left")
         try:
             figure.savefig(file)
@@ -91,7 +92,6 @@ def _across(axes: Axes, machine: Machine, report: WorkspaceReport, exact: Sectio
     axes.set_xlim(grid.x[0] - 15.0, grid.x[-1] + 15.0)
     axes.set_ylim(lowest - 15.0, grid.z[-1] + 15.0)
     axes.set_aspect("equal")
-    axes.legend(fontsize=6.0, frameon=False, loc="lower center", ncols=2)
 
 
 def _corners(report: WorkspaceReport) -> FloatArray:

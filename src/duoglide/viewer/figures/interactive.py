@@ -15,7 +15,7 @@ from duoglide.viewer.figures.plates import Plate, Solid
 from duoglide.viewer.figures.scene import Scene, shaded
 
 _SHADES = 6  # colours are rounded to steps of this, to keep the page small
-_PLAIN = ((r"\\mathrm\{(\w+)\}", r"\1"), (r"[${}_\\]", ""))
+_PLAIN = ((r"\^\{\\prime\}", "'"), (r"[${}_\\]", ""))
 
 
 def interactive_page(plates: Sequence[Plate]) -> str:
@@ -58,6 +58,7 @@ def _scene(scene: Scene) -> dict[str, Any]:
                 "palette": palette,
                 "colours": [palette.index(name) for name in names],
                 "opacity": group.opacity,
+                "sunk": group.sunk,
             }
         )
     return {
