@@ -56,7 +56,6 @@ class Happening(IntEnum):
     """What the streamer tells beside its cycles; fields of ``EventEntry`` in brackets."""
 
     READY = 1  # [code: bits of Granted]
-    LOADED = 2  # a program has been taken over [value: its number]
     POWER = 3  # the goal has changed [detail: Power; value 1: and has been reached]
     STARTED = 4  # [detail: Phase; value: number of the program]
     FINISHED = 5  # [value: path time]

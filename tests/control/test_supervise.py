@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from duoglide.control.supervise import (
+    AxisView,
+    Condition,
+    Observation,
+    Policy,
+    Reaction,
+    Trip,
+    assess,
+)
+from duoglide.control.watch import Watch
+from duoglide.drives.cia402 import State
+from duoglide.drives.pdo import NmtState
+
+POLICY = Policy(heartbeat=100, following=(1000, 1000, 1000), host=500)
+WELL = AxisView(state=State.OPERATION_ENABLED, statusword=0x1237)
+
+
+def observation(axis: AxisView | None = None, **values: object) -> Observation:
+    axes = (replace(WELL), axis or replace(WELL), replace(WELL))
+    seen = Observation(axes=axes, enabled=True, moving=True)
+    for name, value in values.items():
+        setattr(seen, name, value)
+    return seen
+
+
+def test_nothing_follows_when_all_is_well() -> None:
+    assert list(assess(observation(), POLICY)) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "condition", "reaction"),
+    [
+        ({"emergency": 0x4210}, Condition.EMERGENCY, Reaction.STOP_ON_PATH),
+        ({"state": State.FAULT}, Condition.FAULT, Reaction.QUICK_STOP),
+        ({"state": State.FAULT_REACTION_ACTIVE}, Condition.FAULT, Reaction.QUICK_STOP),
+        ({"state": None}, Condition.UNDEFINED, Reaction.QUICK_STOP),
+        ({"state": State.SWITCHED_ON}, Condition.NOT_ENABLED, Reaction.QUICK_STOP),
+        ({"statusword": 0x3237}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
+        ({"following": 1001}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
+        ({"statusword": 0x0237}, Condition.NOT_FOLLOWING, Reaction.QUICK_STOP),
+        ({"statusword": 0x1A37}, Condition.LIMIT, Reaction.STOP_ON_PATH),
+        ({"missing": 3}, Condition.SILENT, Reaction.STOP_ON_PATH),
+        ({"heartbeat": 100}, Condition.HEARTBEAT, Reaction.STOP_ON_PATH),
+        ({"nmt": NmtState.PRE_OPERATIONAL}, Condition.NMT, Reaction.QUICK_STOP),
+        ({"booted": True}, Condition.BOOT_UP, Reaction.QUICK_STOP),
+    ],
+)
+def test_each_row_of_the_table_names_the_axis_and_its_reaction(
+    changes: dict[str, object], condition: Condition, reaction: Reaction
+) -> None:
+    trips = list(assess(observation(replace(WELL, **changes)), POLICY))
+    assert [(trip.condition, trip.axis, trip.reaction) for trip in trips] == [
+        (condition, 2, reaction)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "condition", "reaction"),
+    [
+        ({"host_gone": True}, Condition.HOST_GONE, Reaction.STOP_AND_DISABLE),
+        ({"pressed": True}, Condition.PRESSED, Reaction.QUICK_STOP),
+        ({"bus_failed": True}, Condition.BUS, Reaction.QUICK_STOP),
+        ({"refused": 3}, Condition.REFUSED, Reaction.QUICK_STOP),
+        ({"unsent": 3}, Condition.UNSENT, Reaction.STOP_ON_PATH),
+        ({"late": 3}, Condition.LATE, Reaction.STOP_ON_PATH),
+        ({"host": 500}, Condition.HOST_SILENT, Reaction.STOP_ON_PATH),
+    ],
+)
+def test_what_concerns_all_of_them_has_its_row_too(
+    changes: dict[str, object], condition: Condition, reaction: Reaction
+) -> None:
+    (trip,) = assess(observation(**changes), POLICY)
+    assert (trip.condition, trip.reaction) == (condition, reaction)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"missing": 2}, {"heartbeat": 99}, {"following": 1000}], ids=str
+)
+def test_what_is_within_its_bounds_is_bridged(changes: dict[str, int]) -> None:
+    assert list(assess(observation(replace(WELL, **changes)), POLICY)) == []
+
+
+def test_every_condition_has_a_row() -> None:
+    """What this file provokes is everything that there is."""
+    marks = [
+        *test_each_row_of_the_table_names_the_axis_and_its_reaction.pytestmark,
+        *test_what_concerns_all_of_them_has_its_row_too.pytestmark,
+    ]
+    assert {row[1] for mark in marks for row in mark.args[1]} == set(Condition)
+
+
+def test_a_drive_that_is_off_may_be_in_any_state() -> None:
+    axis = AxisView(state=State.FAULT, missing=1000, heartbeat=1000, nmt=NmtState.STOPPED)
+    assert list(assess(observation(axis, enabled=False, moving=False), POLICY)) == []
+
+
+@settings(max_examples=80, deadline=None, derandomize=True)
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([None, *State]), st.integers(0, 0xFFFF), st.integers(0, 5)),
+        min_size=1,
+        max_size=8,
+    )
+)
+def test_a_reaction_never_gets_weaker_and_each_thing_is_told_once(
+    cycles: list[tuple[State | None, int, int]],
+) -> None:
+    watch = Watch(POLICY)
+    before, told = Reaction.NONE, []
+    for state, code, missing in cycles:
+        watch.seen = observation(
+            AxisView(state=state, statusword=0x1237, emergency=code, missing=missing)
+        )
+        told += [(trip.condition, trip.axis, trip.code) for trip in watch.news()]
+        assert watch.reaction >= before
+        before = watch.reaction
+    assert len(told) == len(set(told))
+    watch.forget()
+    assert watch.reaction is Reaction.NONE
+
+
+def test_a_trip_says_axis_condition_and_code_in_words() -> None:
+    trip = Trip(Condition.EMERGENCY, Reaction.STOP_ON_PATH, 2, 0x2310)
+    assert trip.words == "axis 2: emergency message 0x2310: continuous over-current"
