@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from duoglide.errors import InputError
 from duoglide.motion.rate import ClockState, PathClock
-from duoglide.motion.stopping import RateTable, StopBounds
+from duoglide.motion.stopping import RateTable, StopBounds, change_time
 
 CYCLE = 0.002
 BOUNDS = StopBounds.constant(2.0, slope=20.0, bend=2000.0)
@@ -148,6 +148,48 @@ def test_any_commands_keep_the_rate_and_its_two_derivatives_in_bounds(
     assert np.abs(np.diff(r)).max(initial=0.0) <= slope * fine * (1 + 1e-6) + 1e-12
     if r.size > 2:
         assert np.abs(np.diff(r, 2)).max() <= bend * fine**2 * (1 + 1e-6) + 1e-12
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 2**32 - 1))
+def test_bounds_that_change_from_cell_to_cell_leave_no_jump(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells, step = 40, 2e-4
+    tables = []
+    for _ in range(2):
+        slope, bend = rng.uniform(5.0, 60.0, cells), 10 ** rng.uniform(2.5, 4.5, cells)
+        until = (np.arange(cells) + 1.0) * 0.05 + change_time(slope, bend)
+        tables.append(RateTable(slope, bend, np.minimum(until, 2.0)))
+    clock = PathClock(StopBounds(2.0, *tables), step)
+    rates = [1.0]
+    for _ in range(40):
+        give(clock, ["hold", "resume", "override"][rng.integers(3)], float(rng.uniform()))
+        rates += [clock.step(step)[1] for _ in range(int(rng.integers(1, 150)))]
+        if clock.state is ClockState.FINISHED:
+            break
+    moving = np.array(rates[:-1] if clock.state is ClockState.FINISHED else rates)
+    moving = moving[: np.flatnonzero(moving > 0.0)[-1] + 1]
+    steepest = max(table.slope.max() for table in tables)
+    sharpest = max(table.bend.max() for table in tables)
+    assert np.abs(np.diff(moving)).max(initial=0.0) <= steepest * step * (1 + 1e-6)
+    assert np.abs(np.diff(moving, 2)).max(initial=0.0) <= sharpest * step**2 * (1 + 1e-6) + 1e-9
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 2**32 - 1))
+def test_beyond_its_horizon_no_quick_change_goes_on(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    slope, bend = np.array([40.0, 2.0]), np.array([4e3, 50.0])
+    table = RateTable(slope, bend, np.array([2.02, 4.0]))
+    step = 2e-4
+    clock = PathClock(StopBounds(4.0, table, table), step, start=1.9)
+    seen = [(1.9, 1.0)]
+    while seen[-1][0] < 2.05 and len(seen) < 5000:
+        give(clock, ["hold", "resume", "override"][rng.integers(3)], float(rng.uniform()))
+        seen += [clock.step(step) for _ in range(int(rng.integers(1, 60)))]
+    path_times, rates = np.array(seen).T
+    beyond = path_times[:-1] > 2.02
+    assert np.abs(np.diff(rates))[beyond].max(initial=0.0) <= 2.0 * step * (1 + 1e-6)
 
 
 def test_bad_arguments_are_named() -> None:
