@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from duoglide.kinematics.modes import WorkingMode as WorkingMode
     from duoglide.kinematics.singularity import Margins as Margins
     from duoglide.kinematics.singularity import clearance as clearance
+    from duoglide.kinematics.singularity import clearance_gradient as clearance_gradient
     from duoglide.kinematics.singularity import margins as margins
     from duoglide.kinematics.solutions import ForwardSolution as ForwardSolution
     from duoglide.kinematics.solutions import InverseSolution as InverseSolution
@@ -48,6 +49,10 @@ if TYPE_CHECKING:
     from duoglide.machine import DriveSettings as DriveSettings
     from duoglide.machine import Geometry as Geometry
     from duoglide.machine import Machine as Machine
+    from duoglide.motion.actions import Dwell as Dwell
+    from duoglide.motion.actions import SetOutput as SetOutput
+    from duoglide.motion.actions import WaitInput as WaitInput
+    from duoglide.motion.blend import Blend as Blend
     from duoglide.motion.checked import CheckedPath as CheckedPath
     from duoglide.motion.path import Path as Path
     from duoglide.motion.trajectory import State as State
@@ -55,6 +60,7 @@ if TYPE_CHECKING:
     from duoglide.planning.check import check_path as check_path
     from duoglide.planning.pick_and_place import pick_and_place as pick_and_place
     from duoglide.planning.plan import plan as plan
+    from duoglide.planning.programs import read_program as read_program
     from duoglide.planning.transfer import transfer as transfer
     from duoglide.playback.replay import replay as replay
 
@@ -82,7 +88,7 @@ _HOMES = {
     "kinematics.export": ("to_mjcf",),
     "kinematics.model": ("forward", "inverse", "jacobian", "reachable"),
     "kinematics.modes": ("AssemblyMode", "WorkingMode"),
-    "kinematics.singularity": ("Margins", "clearance", "margins"),
+    "kinematics.singularity": ("Margins", "clearance", "clearance_gradient", "margins"),
     "kinematics.solutions": (
         "ForwardSolution",
         "InverseSolution",
@@ -90,12 +96,15 @@ _HOMES = {
         "inverse_all",
     ),
     "machine": ("Box", "CarriageLimits", "DriveSettings", "Geometry", "Machine"),
+    "motion.actions": ("Dwell", "SetOutput", "WaitInput"),
+    "motion.blend": ("Blend",),
     "motion.checked": ("CheckedPath",),
     "motion.path": ("Path",),
     "motion.trajectory": ("State", "Trajectory"),
     "planning.check": ("check_path",),
     "planning.pick_and_place": ("pick_and_place",),
     "planning.plan": ("plan",),
+    "planning.programs": ("read_program",),
     "planning.transfer": ("transfer",),
     "playback.replay": ("replay",),
 }
