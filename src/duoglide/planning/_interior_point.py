@@ -7,6 +7,8 @@ a symmetric system with seven diagonals, so that a step costs O(n). Predictor an
 Mehrotra (1992), with the true second derivatives of the objective. Everything is scaled to about 1.
 
 An unknown that no row touches stays as it is.
+
+Loops, not whole arrays: those take numba ten seconds longer to compile, once per machine.
 """
 
 from __future__ import annotations
@@ -18,10 +20,12 @@ from numba import njit
 
 from duoglide.arrays import FloatArray
 
-MAX_STEPS = 60
+MAX_STEPS = 80
 WIDTH = 4  # consecutive unknowns that a row touches
 _BACK = 0.995  # how far to go toward the nearest bound
 _LEAST_SLACK = 1e-3
+_EATEN = 1e-14  # of the diagonal
+_HUGE = 1e20
 _SHORT = 0.2  # a step that goes less far than this
 _CENTRE = 0.5  # of the gap, to aim at then
 _FIRST_GAP = 0.1  # of the cost
@@ -31,12 +35,19 @@ _STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1
 
 
 def _factor(band: FloatArray) -> bool:
-    """Factor in place into L D L', D in row 0 and L's lower diagonals in the rows after it."""
+    """Factor in place into L D L', D in row 0 and L's lower diagonals in the rows after it.
+
+    A pivot that rounding has eaten is made huge, which keeps that unknown where it is for a step.
+    """
     width, n = band.shape
+    diagonal = band[0].copy()
     for i in range(n):
         d = band[0, i]
-        if not d > 0.0:
+        if not np.isfinite(d):
             return False
+        if d <= _EATEN * diagonal[i]:
+            d = _HUGE * diagonal[i]
+            band[0, i] = d
         for j in range(1, min(width, n - i)):
             ratio = band[j, i] / d
             for k in range(j, min(width, n - i)):
@@ -140,7 +151,8 @@ def _direction(system: Any, state: FloatArray, newton: Any, target: float, secon
     first, rows, _bounds = system
     band, gradient, dx = newton
     residual, s, z, ds, dz = state
-    dx[:] = -gradient
+    for i in range(dx.size):
+        dx[i] = -gradient[i]
     for r in range(s.size):
         pull = z[r] * residual[r]
         pull += target
@@ -180,9 +192,11 @@ def _advance(goal: Any, iterate: Any, dx: FloatArray, go_s: float, go_z: float) 
     for p in range(weights.size):
         if move[p] < 0.0:
             go_s = min(go_s, -_BACK_COST * value[p] / move[p])
-    x += go_s * dx
-    state[1] += go_s * state[3]
-    state[2] += go_z * state[4]
+    for i in range(x.size):
+        x[i] += go_s * dx[i]
+    for r in range(state.shape[1]):
+        state[1, r] += go_s * state[3, r]
+        state[2, r] += go_z * state[4, r]
 
 
 advance = njit(cache=True)(_advance)
@@ -192,11 +206,27 @@ def _evaluate(system: Any, goal: Any, iterate: Any) -> None:
     """Multiply rows and points by the unknowns."""
     x, value, gx, _state = iterate
     times(goal[0], goal[1], x, value)
-    value += goal[2]
+    for p in range(value.size):
+        value[p] += goal[2][p]
     times(system[0], system[1], x, gx)
 
 
 evaluate = njit(cache=True)(_evaluate)
+
+
+def _excess(system: Any, x: FloatArray) -> float:
+    """Return the largest row over its bound, of the bounds above zero."""
+    first, rows, bounds = system
+    product = np.empty(bounds.size)
+    times(first, rows, x, product)
+    largest = 0.0
+    for r in range(bounds.size):
+        if bounds[r] > 0.0:
+            largest = max(largest, product[r] / bounds[r])
+    return largest
+
+
+excess = njit(cache=True)(_excess)
 
 
 def _solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> Any:
@@ -219,8 +249,12 @@ def _solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> Any:
     iterate = (x, value, gx, state)
     newton = (np.empty((WIDTH, n)), np.empty(n), np.empty(n))
     evaluate(system, goal, iterate)
-    state[1] = np.maximum(system[2] - gx, _LEAST_SLACK)
-    state[2] = _FIRST_GAP * (goal[3] / np.sqrt(value)).sum() / m / state[1]
+    cost = 0.0
+    for p in range(value.size):
+        cost += goal[3][p] / np.sqrt(value[p])
+    for r in range(m):
+        state[1, r] = max(system[2][r] - gx[r], _LEAST_SLACK)
+        state[2, r] = _FIRST_GAP * cost / m / state[1, r]
     for step in range(MAX_STEPS):
         now, gap, slope, primal = assembled(system, goal, iterate, newton)
         if gap <= tolerance * now and slope <= _STATIONARY * now and primal <= _FEASIBLE:
@@ -228,7 +262,9 @@ def _solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> Any:
         if not factor(newton[0]):
             return step, False
         go_s, go_z = direction(system, state, newton, 0.0, False)
-        ahead = ((state[1] + go_s * state[3]) * (state[2] + go_z * state[4])).sum()
+        ahead = 0.0
+        for r in range(m):
+            ahead += (state[1, r] + go_s * state[3, r]) * (state[2, r] + go_z * state[4, r])
         target = gap / m * (ahead / gap) ** 3
         go_s, go_z = direction(system, state, newton, target, True)
         if min(go_s, go_z) < _SHORT:  # the correction does more harm than good: only centre

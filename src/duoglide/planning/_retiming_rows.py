@@ -19,25 +19,34 @@ from numba import njit
 from duoglide.arrays import FloatArray
 
 POINTS = 3  # of a cell
+WIDTH = 4  # unknowns that a row touches
 _BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
 _LEAST = 0.02  # of alpha at a node, that its Bernstein coefficient keeps
 
 
 def _basis(delta: float, unit: float, point: int, out: FloatArray) -> None:
     """Write alpha, beta and d beta/d theta at a point of a cell as rows, (3, 4)."""
-    out[:] = 0.0
+    for i in range(3):  # entry by entry, here and below: whole rows take 10 s to compile
+        for j in range(WIDTH):
+            out[i, j] = 0.0
     h = 1.0 / delta
     w = 1.0 / unit
     if point == 1:
-        out[0] = (0.5, 0.25 * delta * w, 0.5, -0.25 * delta * w)
-        out[1] = (-0.75 * h, -0.25 * w, 0.75 * h, -0.25 * w)
-        out[2] = (0.0, -h * w, 0.0, h * w)
+        for j in range(2):
+            sign = 1.0 - 2.0 * j
+            out[0, 2 * j] = 0.5
+            out[0, 2 * j + 1] = 0.25 * sign * delta * w
+            out[1, 2 * j] = -0.75 * sign * h
+            out[1, 2 * j + 1] = -0.25 * w
+            out[2, 2 * j + 1] = -sign * h * w
         return
     out[0, point] = 1.0
     out[1, point + 1] = w
     sign = 1.0 if point == 0 else -1.0
-    near, far = (-4.0, -2.0) if point == 0 else (2.0, 4.0)
-    out[2] = (-3.0 * sign * h * h, near * h * w, 3.0 * sign * h * h, far * h * w)
+    out[2, 0] = -3.0 * sign * h * h
+    out[2, 1] = (-4.0 if point == 0 else 2.0) * h * w
+    out[2, 2] = 3.0 * sign * h * h
+    out[2, 3] = (-2.0 if point == 0 else 4.0) * h * w
 
 
 basis_rows = njit(cache=True)(_basis)
@@ -47,15 +56,22 @@ def _alpha(delta: float, unit: float, u: float, out: FloatArray) -> None:
     """Write alpha at share ``u`` of a cell as a row, (4,)."""
     v = 1.0 - u
     slope = 2.0 * delta / unit
-    out[:] = (
-        v * v * (1.0 + 2.0 * u),
-        slope * u * v * v,
-        u * u * (1.0 + 2.0 * v),
-        -slope * u * u * v,
-    )
+    out[0] = v * v * (1.0 + 2.0 * u)
+    out[1] = slope * u * v * v
+    out[2] = u * u * (1.0 + 2.0 * v)
+    out[3] = -slope * u * u * v
 
 
 alpha_row = njit(cache=True)(_alpha)
+
+
+def _mix(third: float, beta: float, alpha: float, basis: FloatArray, out: FloatArray) -> None:
+    """Write a sum of the rows of ``_basis`` with these factors, (4,)."""
+    for j in range(WIDTH):
+        out[j] = third * basis[2, j] + beta * basis[1, j] + alpha * basis[0, j]
+
+
+mix = njit(cache=True)(_mix)
 
 
 def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray) -> Any:
@@ -91,21 +107,21 @@ def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray
         for half in range(2):
             first[r] = 2 * k
             alpha_row(delta[k], unit, 0.25 + 0.5 * half, rows[r])
-            rows[r] *= 0.5 * (speed[k, half] + speed[k, half + 1])
+            for j in range(WIDTH):
+                rows[r, j] *= 0.5 * (speed[k, half] + speed[k, half + 1])
             r += 1
         for point in range(POINTS):
             basis_rows(delta[k], unit, point, basis)
-            alpha, beta, third = basis
             if point < 2 or k == cells - 1:
                 first[r] = 2 * k
-                rows[r] = speed[k, point] * alpha
+                mix(0.0, 0.0, speed[k, point], basis, rows[r])
                 r += 1
                 for i in range(ma):
                     for sign in (1.0, -1.0):
                         first[r] = 2 * k
                         q1 = sign * acceleration[k, point, i, 0]
                         q2 = sign * acceleration[k, point, i, 1]
-                        rows[r] = q1 * beta + q2 * alpha
+                        mix(0.0, q1, q2, basis, rows[r])
                         r += 1
             root = np.sqrt(tangent[k, point])
             slope = 0.5 / tangent[k, point]
@@ -116,7 +132,7 @@ def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray
                     q1 = sign * jerk[k, point, i, 0]
                     q2 = sign * 3.0 * jerk[k, point, i, 1]
                     q3 = sign * jerk[k, point, i, 2] + slope
-                    rows[r] = q1 * third + q2 * beta + q3 * alpha
+                    mix(q1, q2, q3, basis, rows[r])
                     r += 1
     return first, rows, bounds
 

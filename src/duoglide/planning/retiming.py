@@ -135,8 +135,9 @@ class RetimingProblem:
             _retiming_rows.replace_unknown(points[0], points[1], unknown, by, 0.0)
             _retiming_rows.replace_unknown(rows[0], rows[1], unknown, by, 0.0)
         x = np.empty(last + 2)
-        x[0::2] = _SHRINK * start.alpha
-        x[1::2] = _SHRINK * unit * start.beta
+        x[0::2] = start.alpha
+        x[1::2] = unit * start.beta
+        x *= _SHRINK / max(1.0, _interior_point.excess(rows, x))
         first, at, weights = points
         goal = (first, at, np.zeros(weights.size), weights)
         _steps, converged = _interior_point.solve(rows, goal, x, tolerance)

@@ -127,7 +127,10 @@ class _Search:
     def simple(self) -> Profile:
         """Return the base itself, slowed until it keeps every limit."""
         even = np.linspace(0.0, self.base.duration, 65)
-        every = np.sort(np.concatenate([self.fixed, self.base.knots[:, TIME], even]))
+        every = np.union1d(even, self.base.knots[:, TIME])
+        near = np.searchsorted(self.fixed, every).clip(1, self.fixed.size - 1)
+        gap = np.minimum(every - self.fixed[near - 1], self.fixed[near] - every)
+        every = every[np.abs(gap) > _SAME * self.base.duration]
         apart = np.diff(every, prepend=-1.0) > _SAME * self.base.duration
         times = np.union1d(every[apart], self.fixed)
         return _certified(self.timed, on_grid(self.base, times, self.sigma))
@@ -142,15 +145,17 @@ class _Search:
         times = self.grid(clock, effort.cells, effort.per_piece)
         problem = self.problem(times)
         found = problem.improved(problem.uniform(), effort.rounds, effort.tolerance)
+        if not found.converged:
+            return None
         for _ in range(effort.refine):
-            if not found.converged:
-                return None
             parts = _parts(self.timed, problem.profile(found))
             times = _divided(times, parts)
-            found = found.split(problem.delta, parts)
-            problem = self.problem(times)
-            found = problem.improved(found, 1, effort.tolerance)
-        return _polished(self.timed, problem, found, effort) if found.converged else None
+            finer = self.problem(times)
+            again = finer.improved(found.split(problem.delta, parts), 1, effort.tolerance)
+            if not again.converged:
+                break
+            problem, found = finer, again
+        return _polished(self.timed, problem, found, effort)
 
 
 def _first_motion(timed: TimedCurve, start: float, end: float, inner: FloatArray) -> Profile:
