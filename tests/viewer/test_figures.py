@@ -114,7 +114,7 @@ def test_figure_5_shows_the_six_realisable_solutions_four_of_them_singular() -> 
 
 
 def test_free_motion_is_along_the_null_space_of_the_jacobian() -> None:
-    pose = mechanism_plates._case_2_pose(TABLE_1)
+    (pose,) = mechanism_plates._case_2_pose(TABLE_1)
     free = mechanism_plates.free_motion(TABLE_1, pose, WORKING)
     assert np.abs(dg.jacobian(TABLE_1, pose) @ free).max() < 1e-6
 
@@ -202,10 +202,12 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
         )
 
 
-def test_a_geometry_that_reaches_no_case_2_says_so() -> None:
-    stubby = replace(TABLE_1, arm_length=60.0, strut_length=200.0, leg_length=160.0)
-    with pytest.raises(ConfigError, match="singularity"):
-        mechanism_plates._middle_of_reachable(stubby, np.array([900.0]), np.array([0.0]))
+def test_a_singularity_beyond_reach_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    short = replace(TABLE_1, strut_length=85.0)  # ends before the circle of legs flat, 90 mm away
+    assert mechanism_plates._flat_pose(short).shape == (0, 3)
+    monkeypatch.setattr(mechanism_plates, "_flat_pose", lambda _: np.empty((0, 3)))
+    titles = [panel.title for panel in mechanism_plates.figure_7(TABLE_1).panels]
+    assert [title[:3] for title in titles] == ["(a)", "(b)"]
 
 
 def test_surface_figures_carry_their_key() -> None:

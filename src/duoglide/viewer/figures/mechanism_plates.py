@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.errors import ConfigError, SingularityError
+from duoglide.errors import SingularityError
 from duoglide.kinematics.home import home_carriages
 from duoglide.kinematics.model import forward, jacobian, reachable
 from duoglide.kinematics.modes import WORKING, WorkingMode
@@ -124,9 +124,9 @@ def figure_6(geometry: Geometry) -> Plate:
         ("a", "strut across the rail, $p_3 = 0$", top - 1e-6),
         ("b", "legs vertical, $p_1 = p_2 = 0$", base + A + g.leg_length - 1e-6),
     ):
-        pose = _middle_of_reachable(g, candidates, z)
-        title = f"({letter})  {name}\nO' = ({pose[0]:.1f}, {pose[1]:.0f}, {pose[2]:.1f})"
-        panels.append(Solid(title, robot(geometry, pose), View(-118.0, 14.0)))
+        for pose in _middle_of_reachable(g, candidates, z):
+            title = f"({letter})  {name}\nO' = ({pose[0]:.1f}, {pose[1]:.0f}, {pose[2]:.1f})"
+            panels.append(Solid(title, robot(geometry, pose), View(-118.0, 14.0)))
     caption = (
         "Serial singularities, both edges of the workspace: (a) the paper's example, where carriage"
         " 3 passes under C3; (b) both legs upright, which the paper names without a picture."
@@ -135,12 +135,10 @@ def figure_6(geometry: Geometry) -> Plate:
 
 
 def _middle_of_reachable(g: Geometry, x: FloatArray, z: FloatArray) -> FloatArray:
-    """Return the middle one of the poses (x, 0, z) that the links reach."""
+    """Return the middle one of the poses (x, 0, z) that the links reach, shape (1, 3) or (0, 3)."""
     poses = np.stack([x, np.zeros_like(x), z], axis=-1)
     poses = poses[reachable(g, poses)]
-    if not len(poses):
-        raise ConfigError("no pose of this geometry reaches that singularity")
-    middle: FloatArray = poses[len(poses) // 2]
+    middle: FloatArray = poses[len(poses) // 2 :][:1]
     return middle
 
 
@@ -149,13 +147,14 @@ def figure_7(geometry: Geometry) -> Plate:
     position = forward(geometry, example_carriages(geometry))
     parallel = WorkingMode(w1=1, w2=1)
     flat, case_2 = _flat_pose(geometry), _case_2_pose(geometry)
-    stages = [
-        ("a", "case 1: legs parallel", position, parallel),
+    stages: list[tuple[str, str, FloatArray, WorkingMode]] = [
+        ("a", "case 1: legs parallel", position[None, :], parallel),
         ("b", "case 2: arm in line with strut", case_2, WORKING),
         ("c", "legs flat (not in the paper)", flat, WORKING),
     ]
     panels = []
-    for letter, name, pose, mode in stages:
+    shown = [(letter, name, pose, mode) for letter, name, poses, mode in stages for pose in poses]
+    for letter, name, pose, mode in shown:
         scene = robot(geometry, pose, mode, labels=False)
         free = free_motion(geometry, pose, mode)
         scene.add(arrow(pose, free), arrow(pose, -free))
@@ -182,7 +181,7 @@ def free_motion(geometry: Geometry, pose: FloatArray, mode: WorkingMode) -> Floa
 
 
 def _flat_pose(g: Geometry) -> FloatArray:
-    """Return a pose with both legs along the rail."""
+    """Return a pose with both legs along the rail, shape (1, 3), or none."""
     half = g.rail_half_spacing - g.platform_half_width
     x = half + g.arm_length * np.linspace(-0.9, 0.9, 181)
     base = g.carriage_height + g.riser_height + g.arm_drop
@@ -190,7 +189,7 @@ def _flat_pose(g: Geometry) -> FloatArray:
 
 
 def _case_2_pose(g: Geometry) -> FloatArray:
-    """Return a pose with the arm in line with the strut in the xz plane; Erratum 3 for Table 1."""
+    """Return a pose of case 2, that of erratum 3 for Table 1, shape (1, 3), or none."""
     half = g.rail_half_spacing - g.platform_half_width
     if g == Geometry():
         return _on_case_2(g, 250.0, 187.0, 188.0)
@@ -203,9 +202,9 @@ def _case_2_pose(g: Geometry) -> FloatArray:
 
 
 def _on_case_2(g: Geometry, z: float, low: float, high: float) -> FloatArray:
-    """Return the pose of case 2 at height z, by bisection between two x [mm]."""
+    """Return the pose of case 2 at height z, by bisection between two x [mm], shape (1, 3)."""
     for _ in range(60):
         x = 0.5 * (low + high)
         inside = bool(margins(g, (x, 0.0, z)).arm_strut > 0.0)
         low, high = (x, high) if inside else (low, x)
-    return np.array([low, 0.0, z])
+    return np.array([[low, 0.0, z]])
