@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,13 @@ from duoglide.drives.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import LogWarning, Topic, read_log
 
-MACHINE = dg.Machine.default()
+DEFAULT = dg.Machine.default()
+MACHINE = replace(  # a busy computer must not be what stops these runs
+    DEFAULT,
+    drives=replace(
+        DEFAULT.drives, setpoint_timeout=0.1, late_cycles=45, following_error_window=20.0
+    ),
+)
 _ATTEMPTS = 4
 GENEROUS = 5.0  # s; what is asserted is that it happens, and what does not happen meanwhile
 
@@ -155,15 +162,10 @@ def test_a_killed_streamer_is_answered_by_the_drives_watchdogs(scene: Scene) -> 
     assert list(read_log(scene.log).records(Topic.CYCLE))
 
 
-def test_a_stopped_streamer_falls_silent_and_the_drives_stop(scene: Scene) -> None:
+def test_a_stopped_streamer_falls_silent_and_does_not_resume_by_itself(scene: Scene) -> None:
     os.kill(scene.streamer, signal.SIGSTOP)
     scene.watch_until({State.QUICK_STOP_ACTIVE, State.FAULT, State.SWITCH_ON_DISABLED})
     assert scene.least_clearance() > MACHINE.clearance - 0.1
-
-
-def test_a_streamer_that_comes_back_does_not_resume_by_itself(scene: Scene) -> None:
-    os.kill(scene.streamer, signal.SIGSTOP)
-    scene.watch_until({State.QUICK_STOP_ACTIVE, State.FAULT, State.SWITCH_ON_DISABLED})
     os.kill(scene.streamer, signal.SIGCONT)
     time.sleep(0.3)
     drives = scene.drives.snapshot()
