@@ -202,17 +202,21 @@ def _polished(
     timed: TimedCurve, problem: RetimingProblem, found: Retiming, effort: Effort
 ) -> Profile:
     """Lower the limits where the motion exceeds them between knots; slow down by what remains."""
-    profile = problem.profile(found)
-    for _ in range(effort.polish):
+    best = profile = problem.profile(found)
+    least = inf
+    for turn in range(effort.polish + 1):
         use = _use(timed, profile)
-        if stretch(use) < 1.0 + _FINE:
+        factor = stretch(use)
+        if profile.duration * factor < least:
+            best, least = profile, profile.duration * factor
+        if factor < 1.0 + _FINE or turn == effort.polish:
             break
         problem = problem.tightened(use)
         again = problem.improved(found, 1, effort.tolerance)
         if not again.converged:
             break
         found, profile = again, problem.profile(again)
-    return _certified(timed, profile)
+    return best.stretched(least / best.duration * (1.0 + _ROUNDING))
 
 
 def stretch(use: FloatArray) -> float:
