@@ -43,9 +43,8 @@ trajectory = dg.Trajectory.load(plan)
 with dg.Robot.connect(trajectory.machine, bus=bus) as robot:
     robot.enable()
     robot.home()
-    handle = robot.start(trajectory, log=log, approach=True, override=0.3)
-    time.sleep(0.05)
-    while handle.status.path_time < 0.06 or handle._current < 2:
+    handle = robot.start(trajectory, log=log, override=0.3)
+    while handle.status.path_time < 0.06:
         if handle.done:
             sys.exit(handle.wait())
         time.sleep(0.002)
@@ -57,8 +56,8 @@ with dg.Robot.connect(trajectory.machine, bus=bus) as robot:
 @pytest.fixture(scope="module")
 def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("plan") / "plan.mcap"
-    move = dg.pick_and_place((-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0))
-    dg.plan(MACHINE, move).save(path)
+    corners = [(-41.0, 0.0, 302.0), (-41.0, -140.0, 310.0), (-41.0, 140.0, 300.0)]
+    dg.plan(MACHINE, dg.Path.polyline(corners, tolerance=4.0)).save(path)
     return path
 
 

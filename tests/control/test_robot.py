@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -18,6 +19,8 @@ from duoglide.control.orders import Command
 from duoglide.control.supervise import Condition
 from duoglide.drives.cia402 import State
 from duoglide.drives.faults import Clear, DeviceFault, Reboot, Sto
+from duoglide.drives.simulated import SimulatedDrives
+from duoglide.kinematics.home import home_carriages
 from duoglide.storage import Document, Phase, Topic, read_log
 
 DEFAULT = dg.Machine.default()
@@ -229,6 +232,47 @@ def test_the_host_says_so_when_the_streamer_is_gone(there: dg.Trajectory) -> Non
         with pytest.raises(dg.BusError):
             process.order(Command.HOLD)
             process.order(Command.HOLD)
+
+
+def test_a_machine_runs_over_udp_too(there: dg.Trajectory) -> None:
+    bus = "udp:239.74.163.2:43211"
+    start = home_carriages(MACHINE).tolist()
+    with (
+        SimulatedDrives(MACHINE.drives, start, bus=bus),
+        dg.Robot.connect(MACHINE, bus=bus) as robot,
+    ):
+        robot.enable()
+        robot.home()
+        assert robot.run(there).completed
+
+
+@pytest.mark.slow
+def test_a_soak_of_ten_minutes_loses_nothing_and_keeps_its_memory(
+    there: dg.Trajectory, back: dg.Trajectory, tmp_path: Path
+) -> None:
+    minutes = float(os.environ.get("DUOGLIDE_SOAK_MINUTES", "10"))
+    with dg.Robot.connect(MACHINE) as robot:
+        robot.enable()
+        robot.home()
+        connection = robot._connection
+        memory: list[int] = []
+        cycles = 0
+        ends = time.monotonic() + 60.0 * minutes
+        while time.monotonic() < ends:
+            for way in (there, back):
+                report = robot.run(way, log=tmp_path / "run.mcap")
+                assert report.completed and not report.dropped
+                cycles += report.cycles
+            memory.append(_resident(connection.process.pid))
+        assert connection.process.ring.dropped == 0
+        assert memory[-1] < 1.05 * memory[len(memory) // 10] + 1024
+        print(f"{cycles} cycles logged, streamer's memory {memory[0]} to {memory[-1]} kB")
+
+
+def _resident(pid: int) -> int:
+    """Return the resident memory of a process [kB]."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
 
 
 def _until(condition: object, patience: float = 10.0) -> None:

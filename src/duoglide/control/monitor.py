@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from duoglide.control.process import StreamerProcess
 
 _PERIOD = 0.005  # [s] between two looks into the ring
+_SILENCE = 3.0  # [s] without a record after which a streamer that exists counts as hung
 _DEATH_WATCH = 0.1  # [s] between two looks at the process
 
 
@@ -119,31 +120,40 @@ class Monitor:
         return True
 
     def _read(self) -> None:
-        next_look = 0.0
+        heard = next_look = time.monotonic()
         while not self._closing:
             time.sleep(_PERIOD)
-            gone = False
-            if time.monotonic() > next_look:
-                next_look = time.monotonic() + _DEATH_WATCH
-                gone = not self._process.alive
-            self._take()
-            if gone:
-                with self._news:
-                    self._gone = BusError(
-                        f"the streamer process {self._process.pid} is gone; the drives have"
-                        " stopped by themselves"
-                    )
-                    self._news.notify_all()
-                return
+            now = time.monotonic()
+            gone = now > next_look and not self._process.alive
+            if now > next_look:
+                next_look = now + _DEATH_WATCH
+            if self._take():
+                heard = now
+            if gone or now - heard > _SILENCE:
+                self._give_up("is gone" if gone else "does not answer")
+                if gone:
+                    return
         self._take()
 
-    def _take(self) -> None:
-        ring = self._process.ring
+    def _give_up(self, what: str) -> None:
+        with self._news:
+            self._gone = BusError(
+                f"the streamer process {self._process.pid} {what}; the drives stop by themselves"
+            )
+            self._news.notify_all()
+
+    def _take(self) -> bool:
+        """Hand on what is in the ring; return whether there was anything."""
+        ring, found = self._process.ring, False
         ring.show_life()
         with self._news:
             for entry in ring.drain():
+                found = True
                 self._hand_on(entry)
+            if found:
+                self._gone = None
             self._news.notify_all()
+        return found
 
     def _hand_on(self, entry: CycleEntry | EventEntry) -> None:
         if isinstance(entry, CycleEntry):
