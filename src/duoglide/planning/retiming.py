@@ -26,6 +26,8 @@ from duoglide.planning._retiming_rows import POINTS
 from duoglide.planning.timed_curve import CellMotion, TimedCurve
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+_MOST_ROUNDS = 30
+_GAIN = 0.02  # of the duration, from which another tangent is worth its time
 _SHRINK = 0.95  # of the last solution, to begin the next one strictly inside
 
 
@@ -119,6 +121,20 @@ class RetimingProblem:
         now = start
         for _ in range(rounds):
             now = self._solved(now, tolerance)
+        return now
+
+    def settled(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
+        """Return the retiming after ``rounds`` tangents and as many more as still gain much."""
+        now = self.improved(start, rounds, tolerance)
+        last = float(now.durations(self.delta).sum())
+        for _ in range(_MOST_ROUNDS):
+            again = self._solved(now, tolerance)
+            duration = float(again.durations(self.delta).sum())
+            if not again.converged or duration >= last:
+                break
+            gain, now, last = last / duration - 1.0, again, duration
+            if gain < _GAIN:
+                break
         return now
 
     def _solved(self, start: Retiming, tolerance: float) -> Retiming:

@@ -138,13 +138,13 @@ class _Search:
     def quickest(self, effort: Effort) -> Profile | None:
         """Return the near-optimal motion, or None where the solver does not converge."""
         rough = self.problem(self.grid(self.own_clock, effort.coarse, 2))
-        first = rough.improved(rough.uniform(), 2, 1e-3)
+        first = rough.settled(rough.uniform(), 1, 1e-3)
         if not first.converged:
             return None
         clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
         times = self.grid(clock, effort.cells, effort.per_piece)
         problem = self.problem(times)
-        found = problem.improved(problem.uniform(), effort.rounds, effort.tolerance)
+        found = problem.settled(problem.uniform(), effort.rounds - 1, effort.tolerance)
         if not found.converged:
             return None
         for _ in range(effort.refine):
