@@ -165,7 +165,7 @@ def test_a_limit_of_jerk_a_million_times_higher_changes_nothing_but_the_time() -
     path = dg.pick_and_place(PICK, PLACE, 25.0, 4.0)
     loose = dg.Machine(limits=dg.CarriageLimits(jerk=3e12))
     plan = _keeps_path_and_limits(loose, path)
-    assert plan.lower_bound() <= plan.duration <= plan.lower_bound() * 1.02
+    assert plan.lower_bound() <= plan.duration <= plan.lower_bound() * 1.05
 
 
 def test_slow_limits_keep_the_speed_limit_all_along() -> None:
