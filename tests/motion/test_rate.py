@@ -216,3 +216,22 @@ def test_a_step_is_quick() -> None:
         for _ in range(60):
             clock.step(CYCLE)
     assert best < 30e-6
+
+
+@pytest.mark.parametrize("target", [0.05, 0.3, 0.5, 0.8])
+@pytest.mark.parametrize("begin", range(10, 90, 7))
+def test_an_override_is_reached_from_anywhere_whatever_one_cell_certifies(
+    target: float, begin: int
+) -> None:
+    """A change to half the rate travels farther than the stop that a cell's bounds reach for."""
+    cells = 40
+    slope, bend = np.full(cells, 20.0), 1500.0 + 900.0 * np.cos(np.arange(cells))
+    ends = 2.0 * np.arange(1, cells + 1) / cells
+    until = np.minimum(ends + 0.5 * change_time(slope, bend), 2.0)  # just enough for a stop
+    table = RateTable(slope, bend, until)
+    clock = PathClock(StopBounds(2.0, table, table), CYCLE)
+    for _ in range(begin):
+        clock.step(CYCLE)
+    clock.set_override(target)
+    rates = [clock.step(CYCLE)[1] for _ in range(150)]
+    assert rates[-1] == pytest.approx(target, abs=1e-12)

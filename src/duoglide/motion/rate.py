@@ -146,6 +146,8 @@ class PathClock:
         """
         if self._finished:
             return self._bounds.duration, 0.0
+        if self._change is None and self._rate != self._goal:
+            self._aim()  # what could not begin where it was asked for begins as soon as it can
         if self._change is None:
             self._tick(dt)
         else:
@@ -212,7 +214,28 @@ class PathClock:
     def _certified(
         self, u: float, rate: float, slope: float, target: float, bounds: RateBounds
     ) -> _Change | None:
-        """Return the change to ``target`` within ``bounds``, or None where they do not cover it."""
+        """Return the change to ``target`` within ``bounds``, or None where they do not cover it.
+
+        A change to another rate than rest may travel farther than a stop, and past what one cell
+        certifies: it then keeps to the lesser bounds of that cell and of those after it.
+        """
+        further = self._bounds.rising_at if target > rate else self._bounds.falling_at
+        while (change := self._within(u, rate, slope, target, bounds)) is not None:
+            (end,), _, _ = change.profile.at_time(change.profile.duration)
+            if min(end, self._bounds.duration) <= bounds.until + _ROUNDING * self._cycle:
+                return change
+            ahead = further(bounds.until)
+            if ahead.until <= bounds.until:
+                return None
+            bounds = RateBounds(
+                min(bounds.slope, ahead.slope), min(bounds.bend, ahead.bend), ahead.until
+            )
+        return None
+
+    def _within(
+        self, u: float, rate: float, slope: float, target: float, bounds: RateBounds
+    ) -> _Change | None:
+        """Return the change within a pair of bounds, however far it goes, if it can begin."""
         room = 2.0 * bounds.bend * min(rate, 1.0 - rate) * (1.0 + _ROUNDING) + _ROUNDING**2
         if abs(slope) > bounds.slope * (1.0 + _ROUNDING) or slope * slope > room:
             return None
@@ -224,9 +247,6 @@ class PathClock:
         profile = ruckig.Trajectory(1)
         result = self._solver.calculate(state, profile)
         if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            return None
-        (end,), _, _ = profile.at_time(profile.duration)
-        if min(end, self._bounds.duration) > bounds.until + _ROUNDING * self._cycle:
             return None
         return _Change(target, bounds, profile)
 
