@@ -225,7 +225,7 @@ def test_an_override_is_reached_from_anywhere_whatever_one_cell_certifies(
 ) -> None:
     """A change to half the rate travels farther than the stop that a cell's bounds reach for."""
     cells = 40
-    slope, bend = np.full(cells, 20.0), 1500.0 + 900.0 * np.cos(np.arange(cells))
+    slope, bend = np.full(cells, 200.0), 1500.0 + 900.0 * np.cos(np.arange(cells))
     ends = 2.0 * np.arange(1, cells + 1) / cells
     until = np.minimum(ends + 0.5 * change_time(slope, bend), 2.0)  # just enough for a stop
     table = RateTable(slope, bend, until)
