@@ -224,7 +224,7 @@ def test_an_override_is_reached_from_anywhere_whatever_one_cell_certifies(
     target: float, begin: int
 ) -> None:
     """A change to half the rate travels farther than the stop that a cell's bounds reach for."""
-    cells = 40
+    cells = 400
     slope, bend = np.full(cells, 200.0), 1500.0 + 900.0 * np.cos(np.arange(cells))
     ends = 2.0 * np.arange(1, cells + 1) / cells
     until = np.minimum(ends + 0.5 * change_time(slope, bend), 2.0)  # just enough for a stop
