@@ -87,6 +87,7 @@ class RunHandle:
         self._ordered_to_stop = False
         self._current = 0
         self._refusal = ""
+        self._failure: DuoglideError | None = None
         listeners = (self, self._tally)
         if log is not None:
             self._resources.enter_context(log)
@@ -154,8 +155,13 @@ class RunHandle:
 
     @property
     def done(self) -> bool:
-        """Whether the run has come to its end, good or bad."""
-        return self._over.is_set()
+        """Whether there is nothing to wait for: the run is over, or ``wait`` will say why not."""
+        return self._over.is_set() or self._monitor.failed
+
+    @property
+    def settled(self) -> bool:
+        """Whether ``wait`` has already reported, or raised what has gone wrong."""
+        return self._report is not None or self._failure is not None
 
     @property
     def status(self) -> RunStatus:
@@ -188,13 +194,16 @@ class RunHandle:
         """
         if self._report is not None:
             return self._report
+        if self._failure is not None:
+            raise self._failure
         try:
             over = self._monitor.wait_until(self._over.is_set, timeout)
             if not over:
                 raise DriveTimeout(f"the run is not over after {timeout:g} s")
         except DriveTimeout:
             raise
-        except DuoglideError:
+        except DuoglideError as error:
+            self._failure = error
             self._abandon()
             raise
         report = self._finish()

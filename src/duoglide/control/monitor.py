@@ -59,6 +59,11 @@ class Monitor:
         """How many events have come so far: where to begin to wait from."""
         return len(self._events)
 
+    @property
+    def failed(self) -> bool:
+        """Whether the streamer is gone, or a listener has failed: waiting would raise why."""
+        return (self._failure or self._gone) is not None
+
     def wait_for(self, found: Callable[[CycleEntry], bool], timeout: float) -> bool:
         """Wait until a cycle that begins after this call is as wanted.
 

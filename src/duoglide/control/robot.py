@@ -272,10 +272,16 @@ class Robot:
         self._run = RunHandle(plan, self._connection.process, self._connection.monitor, run_log)
         return self._run
 
+    @property
+    def current_run(self) -> RunHandle | None:
+        """The run in progress; None while nothing runs."""
+        run = self._run
+        return None if run is None or run.done else run
+
     def stop(self) -> None:
         """Stop whatever runs, along its path; from any thread, at any time, as often as wanted."""
-        run = self._run
-        if run is not None and not run.done:
+        run = self.current_run
+        if run is not None:
             run.stop()
 
     # Small moves
@@ -314,7 +320,7 @@ class Robot:
     def _end_run(self) -> None:
         """Stop the run that is in progress, if any, and close its log."""
         run, self._run = self._run, None
-        if run is None:
+        if run is None or run.settled:
             return
         if not run.done:
             run.stop()

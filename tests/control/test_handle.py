@@ -1,0 +1,50 @@
+"""What ``RunHandle`` says when a run ends badly."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from pathlib import Path
+
+import pytest
+
+import duoglide as dg
+
+SLOW = dg.CarriageLimits(velocity=100.0, acceleration=2e3, jerk=2e4)
+
+
+@pytest.fixture(scope="module")
+def trajectory() -> dg.Trajectory:
+    path = dg.Path.line((-41.0, 0.0, 302.0), (-41.0, 100.0, 302.0))
+    return dg.plan(dg.Machine(limits=SLOW), path)
+
+
+def test_whoever_polls_sees_that_a_killed_streamer_will_not_finish(
+    trajectory: dg.Trajectory,
+) -> None:
+    with dg.Robot.connect(trajectory.machine) as robot:
+        robot.enable()
+        robot.home()
+        handle = robot.start(trajectory, approach=True)
+        os.kill(robot._connection.process.pid, signal.SIGKILL)
+        pause = threading.Event()
+        for _ in range(300):
+            if handle.done:
+                break
+            pause.wait(0.01)
+        assert handle.done
+        with pytest.raises(dg.BusError, match="gone"):
+            handle.wait()
+
+
+def test_a_log_that_cannot_be_written_is_named_once_and_for_all(
+    trajectory: dg.Trajectory, tmp_path: Path
+) -> None:
+    with (
+        pytest.raises(dg.LogError, match="Is a directory"),
+        dg.Robot.connect(trajectory.machine) as robot,
+    ):
+        robot.enable()
+        robot.home()
+        robot.run(trajectory, log=tmp_path, approach=True)
