@@ -45,3 +45,9 @@ def test_lists_from_toml_become_tuples() -> None:
     drives = dg.DriveSettings(node_ids=[4, 5, 6], direction=[1, -1, 1])  # type: ignore[arg-type]
     assert (drives.node_ids, drives.direction) == ((4, 5, 6), (1, -1, 1))
     assert hash(drives) == hash(dg.DriveSettings(node_ids=(4, 5, 6), direction=(1, -1, 1)))
+
+
+def test_one_direction_serves_all_three_axes() -> None:
+    assert dg.DriveSettings(direction=-1).direction == (-1, -1, -1)  # type: ignore[arg-type]
+    with pytest.raises(dg.ConfigError, match="direction"):
+        dg.DriveSettings(direction=True)  # type: ignore[arg-type]

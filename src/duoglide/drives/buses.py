@@ -65,7 +65,7 @@ def parse_bus(name: str) -> BusName:
     Raises:
         BusError: Not a bus name; lists the forms.
     """
-    word, _, rest = name.partition(":")
+    word, _, rest = str(name).partition(":")
     try:
         kind = BusKind(word)
     except ValueError:

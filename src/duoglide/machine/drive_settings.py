@@ -20,7 +20,7 @@ class DriveSettings:
     Attributes:
         node_ids: CANopen node numbers, 1 to 127, all different.
         increments_per_mm: Position increments of the drive per mm, one value or three.
-        direction: +1 or -1 per axis: whether the drive counts along +y.
+        direction: +1 or -1, one or per axis: whether the drive counts along +y.
         bit_rate: Bits per second on the bus.
         cycle: SYNC period and setpoint period [s].
         quick_stop_deceleration: 0x6085, what a drive brakes with by itself [mm/s^2].
@@ -98,7 +98,10 @@ class DriveSettings:
             ("quick_stop_deceleration", "mm/s^2"),
         ):
             self._store(**{key: rules.per_carriage(key, getattr(self, key), unit)})
-        self._store(direction=rules.three_whole("direction", self.direction, -1, 1))
+        direction: object = self.direction
+        if type(direction) is int:  # one for all three, as the other settings allow
+            direction = (direction,) * 3
+        self._store(direction=rules.three_whole("direction", direction, -1, 1))
         if 0 in self.direction:
             raise ConfigError(f"direction = {list(self.direction)}: each must be +1 or -1")
         window = rules.positive("following_error_window", self.following_error_window)
