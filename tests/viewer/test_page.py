@@ -26,6 +26,15 @@ FLAGS = [
     "--ignore-gpu-blocklist",
 ]
 PATIENCE = 60_000  # [ms]
+PATIENT = dg.Machine(  # a browser that draws in software starves everybody else
+    drives=dg.DriveSettings(
+        late_cycles=250,
+        missing_frames=250,
+        setpoint_timeout=0.5,
+        heartbeat_timeout=2.0,
+        following_error_window=50.0,
+    )
+)
 
 pytestmark = [
     pytest.mark.browser,
@@ -35,18 +44,29 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def browser_page() -> Iterator[Any]:
+def browser() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
-    machine = dg.Machine.default()
-    with Page(machine, port=0) as page, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        tab = browser.new_page(viewport={"width": 1400, "height": 1000})
-        tab.set_default_timeout(PATIENCE)
-        tab.goto(page.address)
-        tab.get_by_role("button", name="Stop").wait_for()
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def browser_page(browser: Any) -> Iterator[Any]:
+    with Page(PATIENT, port=0) as page:
+        tab = visit(browser, page)
         yield tab
-        browser.close()
+        tab.close()
+
+
+def visit(browser: Any, page: Page) -> Any:
+    tab = browser.new_page(viewport={"width": 1400, "height": 1000})
+    tab.set_default_timeout(PATIENCE)
+    tab.goto(page.address)
+    tab.get_by_role("button", name="Stop").wait_for()
+    return tab
 
 
 def open_tab(tab: Any, name: str) -> None:
@@ -97,8 +117,28 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     wait_for(tab, "held")
     tab.get_by_role("button", name="Resume").click()
     wait_for(tab, "running")
-    tab.locator("canvas").first.click()
+    tab.mouse.click(700, 900)  # away from every control
     tab.keyboard.press("Space")
     wait_for(tab, "stopped at path time")
     tab.screenshot(path=str(tmp_path / "page.png"))
     assert log.stat().st_size > 1000
+
+
+def test_a_run_that_somebody_else_started_is_shown_and_stopped(browser: Any) -> None:
+    machine = PATIENT
+    path = dg.pick_and_place((-41.0, -100.0, 295.0), (-41.0, 100.0, 295.0))
+    trajectory = dg.plan(machine, path)
+    with dg.Robot.connect(machine) as robot:
+        robot.enable()
+        robot.home()
+        with Page(machine, drives=robot, port=0) as page:
+            tab = visit(browser, page)
+            run = robot.start(trajectory, approach=True, override=0.01)
+            wait_for(tab, "running")
+            tab.mouse.click(700, 900)  # away from every control
+            tab.keyboard.press("Space")
+            report = run.wait(30.0)
+            wait_for(tab, "Stopped by the operator")
+            tab.close()
+        assert not report.completed
+        assert robot.enabled  # the page is gone; the robot is still its owner's

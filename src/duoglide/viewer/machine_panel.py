@@ -13,7 +13,6 @@ from duoglide.control.handle import RunHandle
 from duoglide.control.robot import Robot
 from duoglide.errors import DuoglideError
 from duoglide.viewer.motion_panel import MotionPanel
-from duoglide.viewer.pose_panel import PosePanel
 
 if TYPE_CHECKING:
     from duoglide.machine import Machine
@@ -32,18 +31,22 @@ class MachinePanel:
     Args:
         server: The viser server.
         machine: The machine.
-        bus: Name of the bus to offer.
-        motion: Where the trajectory to run comes from.
-        pose: What shows where the machine is.
+        drives: Name of the bus to offer; or a robot that somebody else has connected and runs.
+        motion: Where the trajectory to run comes from, and what shows where the machine is.
     """
 
     def __init__(
-        self, server: Any, machine: Machine, bus: str, motion: MotionPanel, pose: PosePanel
+        self,
+        server: Any,
+        machine: Machine,
+        drives: str | Robot,
+        motion: MotionPanel,
     ) -> None:
         self._gui = server.gui
-        self._machine, self._motion, self._pose = machine, motion, pose
-        self._robot: Robot | None = None
-        self._handle: RunHandle | None = None
+        self._machine, self._motion, self._pose = machine, motion, motion.pose
+        self._own = isinstance(drives, str)
+        self._robot = None if isinstance(drives, str) else drives
+        bus = drives if isinstance(drives, str) else drives.bus
         self._one_command = threading.Lock()
         self._closed = threading.Event()
         self._add_operator()
@@ -72,7 +75,7 @@ class MachinePanel:
             self._gui.add_button("Hold").on_click(lambda _: self._to_run(RunHandle.hold))
             self._gui.add_button("Resume").on_click(lambda _: self._to_run(RunHandle.resume))
             self._override = self._gui.add_slider("Override [%]", 0, 100, 1, 100)
-            self._words = self._gui.add_markdown("Not connected.")
+            self._words = self._gui.add_markdown("Not connected." if self._own else "Live.")
             self._state = self._gui.add_markdown("")
         window.float(x=90.0, y=-15.0, width=330.0)
         self._override.on_update(self._overridden)
@@ -90,7 +93,7 @@ class MachinePanel:
         """Stop and let go of the machine."""
         self._closed.set()
         robot, self._robot = self._robot, None
-        if robot is not None:
+        if robot is not None and self._own:
             robot.stop()
             with self._one_command:
                 robot.close()
@@ -136,11 +139,10 @@ class MachinePanel:
         rate = max(self._override.value, 1) / 100.0
         self._pose.set_draggable(False)
         try:
-            self._handle = robot.start(trajectory, log=log, approach=True, override=rate)
+            handle = robot.start(trajectory, log=log, approach=True, override=rate)
             self._words.content = "Running."
-            return f"{self._handle.wait()!r}"
+            return f"{handle.wait()!r}"
         finally:
-            self._handle = None
             self._pose.set_draggable(True)
 
     def _jog(self, robot: Robot, direction: str) -> str:
@@ -152,9 +154,9 @@ class MachinePanel:
         return f"At ({x:.2f}, {y:.2f}, {z:.2f}) mm."
 
     def _to_run(self, order: Callable[[RunHandle], None]) -> None:
-        handle = self._handle
-        if handle is not None:
-            order(handle)
+        run = self._robot.current_run if self._robot is not None else None
+        if run is not None:
+            order(run)
 
     def _overridden(self, event: Any) -> None:
         if event.client is not None:
@@ -165,11 +167,11 @@ class MachinePanel:
     def _watch(self) -> None:
         """Show where the machine is, a few times a second; runs on a thread of its own."""
         while not self._closed.wait(_REFRESH):
-            robot, handle = self._robot, self._handle
+            robot = self._robot
             if robot is None:
                 continue
             try:
-                self._state.content = _describe(robot, handle)
+                self._state.content = _describe(robot, robot.current_run)
                 if robot.homed:
                     self._pose.follow(robot.position)
             except DuoglideError as error:

@@ -38,7 +38,7 @@ class MotionPanel:
     def __init__(self, server: Any, machine: Machine, pose: PosePanel) -> None:
         self._server, self._gui = server, server.gui
         self._machine = machine
-        self._pose = pose
+        self.pose = pose
         self._recording: Recording | None = None
         self._plots: list[Any] = []
         self._path: Any = None
@@ -100,7 +100,7 @@ class MotionPanel:
         self._words.content = recording.words
         self._draw_path(recording)
         self._draw_plots(recording)
-        self._pose.follow(recording.positions[0])
+        self.pose.follow(recording.positions[0])
 
     def _draw_path(self, recording: Recording) -> None:
         if self._path is not None:
@@ -158,7 +158,7 @@ class MotionPanel:
     def _show_time(self, t: float) -> None:
         recording = self._recording
         if recording is not None:
-            self._pose.follow(recording.position_at(t))
+            self.pose.follow(recording.position_at(t))
 
     def _play_along(self) -> None:
         """Move the timeline on while Play is ticked; runs on a thread of its own."""

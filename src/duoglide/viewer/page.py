@@ -19,6 +19,7 @@ from duoglide.viewer.pose_panel import PosePanel
 from duoglide.viewer.surfaces import Surfaces
 
 if TYPE_CHECKING:
+    from duoglide.control.robot import Robot
     from duoglide.machine import Machine
 
 LOOPBACK = "127.0.0.1"
@@ -30,7 +31,8 @@ class Page:
     Args:
         machine: The machine to show.
         file: A plan or a run to open with.
-        bus: Where Connect finds the drives.
+        drives: Name of the bus where Connect finds the drives; or a connected robot, which the
+            page then shows and can hold and stop, and which stays its owner's to close.
         host: Address to serve on; only this machine by default.
         port: TCP port; 0 takes any that is free.
 
@@ -45,7 +47,7 @@ class Page:
         machine: Machine,
         *,
         file: Path | None = None,
-        bus: str = "virtual",
+        drives: str | Robot = "virtual",
         host: str = LOOPBACK,
         port: int = 8080,
     ) -> None:
@@ -64,7 +66,7 @@ class Page:
         with tabs.add_tab("Motion"):
             self._motion = MotionPanel(self._server, machine, self._pose)
         with tabs.add_tab("Machine"):
-            self._machine = MachinePanel(self._server, machine, bus, self._motion, self._pose)
+            self._machine = MachinePanel(self._server, machine, drives, self._motion)
         if file is not None:
             self._motion.open(file)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,12 +24,17 @@ from duoglide.cli.options import (
 from duoglide.cli.outputs import require_place
 from duoglide.errors import LogError
 
+if TYPE_CHECKING:
+    from duoglide.control.robot import Robot
+
 _EXAMPLE = """\
 Examples:
 
 duoglide stream plan.mcap --log run.mcap
 
 duoglide stream plan.mcap --bus socketcan:can0 --approach --override 20
+
+duoglide stream plan.mcap --approach --override 5 --view 8080
 """
 
 
@@ -44,6 +52,10 @@ def stream(
     ] = None,
     override: Override = "100",
     approach: Approach = False,
+    view: Annotated[
+        int | None,
+        typer.Option("--view", metavar="PORT", min=0, max=65535, help="Serve the live page there."),
+    ] = None,
     machine: MachineFile = None,
     as_json: Json = False,
 ) -> None:
@@ -62,5 +74,21 @@ def stream(
         with working("homing"):
             robot.enable()
             robot.home()
-        report = run_with_progress(robot, trajectory, log=log, approach=approach, override=factor)
+        with _page(robot, plan, view):
+            report = run_with_progress(
+                robot, trajectory, log=log, approach=approach, override=factor
+            )
     finish(report, log, as_json)
+
+
+@contextmanager
+def _page(robot: Robot, plan: Path, port: int | None) -> Iterator[None]:
+    """Serve the live page beside the run, if it is asked for."""
+    if port is None:
+        yield
+        return
+    from duoglide.viewer.page import Page
+
+    with Page(robot.machine, file=plan, drives=robot, port=port) as page:
+        print(page.address, file=sys.stderr, flush=True)
+        yield

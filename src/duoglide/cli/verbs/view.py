@@ -44,7 +44,7 @@ def view(
     described = load_machine(machine)
     from duoglide.viewer.page import Page
 
-    with Page(described, file=file, bus=bus, host=host, port=port) as page:
+    with Page(described, file=file, drives=bus, host=host, port=port) as page:
         say(f"{page.address} (Ctrl-C ends)")
         try:
             while True:
