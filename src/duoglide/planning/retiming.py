@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
-from duoglide.planning import _interior_point, _retiming_rows
 from duoglide.planning._retiming_rows import POINTS
+from duoglide.planning._retiming_solver import Limits, solve
 from duoglide.planning.timed_curve import CellMotion, TimedCurve
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _MOST_ROUNDS = 30
 _GAIN = 0.02  # of the duration, from which another tangent is worth its time
-_SHRINK = 0.95  # of the last solution, to begin the next one strictly inside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,33 +137,9 @@ class RetimingProblem:
         return now
 
     def _solved(self, start: Retiming, tolerance: float) -> Retiming:
-        unit = float(self.delta.mean())
-        last = 2 * self.delta.size
-        points = _retiming_rows.duration_points(self.delta, unit)
-        rows = _retiming_rows.limit_rows(
-            self.delta, unit, (self.speed, self.acceleration, self.jerk), self._tangent(start)
-        )
-        # alpha is constant in the cells that begin or end at rest: what else it did there would
-        # cost nothing, because the motion hardly moves
-        ties = ((0, 2), (1, -1), (3, -1), (last, last - 2), (last + 1, -1), (last - 1, -1))
-        for unknown, by in ties:
-            _retiming_rows.replace_unknown(points[0], points[1], unknown, by, 0.0)
-            _retiming_rows.replace_unknown(rows[0], rows[1], unknown, by, 0.0)
-        x = np.empty(last + 2)
-        x[0::2] = start.alpha
-        x[1::2] = unit * start.beta
-        x *= _SHRINK / max(1.0, _interior_point.excess(rows, x))
-        first, at, weights = points
-        goal = (first, at, np.zeros(weights.size), weights)
-        _steps, converged = _interior_point.solve(rows, goal, x, tolerance)
-        for unknown, by in ties:
-            x[unknown] = x[by] if by >= 0 else 0.0
-        return Retiming(x[0::2].copy(), x[1::2] / unit, bool(converged))
-
-    def _tangent(self, at: Retiming) -> FloatArray:
-        """Return alpha at the points of each cell, (n, 3)."""
-        middle = 0.5 * (at.alpha[1:] + at.alpha[:-1]) - 0.25 * self.delta * np.diff(at.beta)
-        return np.column_stack([at.alpha[:-1], middle, at.alpha[1:]])
+        limits = Limits(self.delta, self.speed, self.acceleration, self.jerk)
+        nodes, converged = solve(limits, (start.alpha, start.beta), tolerance)
+        return Retiming(*nodes, converged)
 
     def tightened(self, use: FloatArray) -> RetimingProblem:
         """Return this problem with the limits lowered where a solution overshoots them.
