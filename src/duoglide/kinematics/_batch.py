@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.kinematics import _kernels as kernels
+from duoglide.kinematics._compiled import compiled
 from duoglide.kinematics._kernels import Constants
 
 WORTH_LOADING = 50_000  # poses, from which loading numba (half a second) pays
@@ -112,18 +113,9 @@ def _flat(array: FloatArray) -> FloatArray:
 
 @cache
 def _compiled(loop: Callable[..., int]) -> Any:
-    """Compile a loop, or load it from numba's cache.
-
-    Where neither the installed package nor the user's cache directory can be written to, it is
-    compiled anew in every process.
-    """
-    import numba
-
+    """Compile a loop, or load it from numba's cache."""
     _register()
-    try:
-        return numba.njit(loop, cache=True, nogil=True, error_model="numpy")
-    except RuntimeError:  # numba found no directory for its cache
-        return numba.njit(loop, nogil=True, error_model="numpy")
+    return compiled(loop, nogil=True)
 
 
 @cache

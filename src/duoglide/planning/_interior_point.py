@@ -8,7 +8,8 @@ Mehrotra (1992), with the true second derivatives of the objective. Everything i
 
 An unknown that no row touches stays as it is.
 
-Loops, not whole arrays: those take numba ten seconds longer to compile, once per machine.
+Compiling must stay short, once per machine: the compiled parts are loops over entries, each called
+from one place, and the steps themselves are plain Python.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from duoglide.arrays import FloatArray
+from duoglide.kinematics._compiled import compiled, inlined
 
 MAX_STEPS = 80
 WIDTH = 4  # consecutive unknowns that a row touches
@@ -34,109 +35,132 @@ _FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 
 _STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1e-2 here
 
 
-def _factor(band: FloatArray) -> bool:
+def _factor(band: FloatArray, diagonal: FloatArray) -> bool:
     """Factor in place into L D L', D in row 0 and L's lower diagonals in the rows after it.
 
     A pivot that rounding has eaten is made huge, which keeps that unknown where it is for a step.
+
+    Args:
+        band: The diagonal and the three below it, (4, n).
+        diagonal: A copy of the diagonal, (n,).
     """
-    width, n = band.shape
-    diagonal = band[0].copy()
+    n = diagonal.size
     for i in range(n):
         d = band[0, i]
-        if not np.isfinite(d):
+        if not abs(d) < np.inf:
             return False
         if d <= _EATEN * diagonal[i]:
             d = _HUGE * diagonal[i]
             band[0, i] = d
-        for j in range(1, min(width, n - i)):
+        end = WIDTH if n - i > WIDTH else n - i
+        for j in range(1, end):
             ratio = band[j, i] / d
-            for k in range(j, min(width, n - i)):
+            for k in range(j, end):
                 band[k - j, i + j] -= ratio * band[k, i]
-        for j in range(1, min(width, n - i)):
+        for j in range(1, end):
             band[j, i] /= d
     return True
 
 
+factor = compiled(_factor)
+
+
 def _back_solve(band: FloatArray, y: FloatArray) -> None:
     """Solve in place with the factors of ``_factor``."""
-    width, n = band.shape
+    n = y.size
     for i in range(n):
-        for j in range(1, min(width, n - i)):
+        end = WIDTH if n - i > WIDTH else n - i
+        for j in range(1, end):
             y[i + j] -= band[j, i] * y[i]
     for i in range(n - 1, -1, -1):
         value = y[i] / band[0, i]
-        for j in range(1, min(width, n - i)):
+        end = WIDTH if n - i > WIDTH else n - i
+        for j in range(1, end):
             value -= band[j, i] * y[i + j]
         y[i] = value
 
 
+back_solve = inlined(_back_solve)
+
+
 def _times(first: Any, rows: FloatArray, x: FloatArray, out: FloatArray) -> None:
     """Multiply the rows by ``x``."""
-    for r in range(rows.shape[0]):
+    for r in range(out.size):
         total = 0.0
         for j in range(WIDTH):
             total += rows[r, j] * x[first[r] + j]
         out[r] = total
 
 
-def _add_square(band: FloatArray, k: int, g: FloatArray, w: float) -> None:
-    """Add w g g' for one row ``g`` that begins at unknown ``k``."""
-    for i in range(WIDTH):
-        part = w * g[i]
-        for j in range(i, WIDTH):
-            band[j - i, k + i] += part * g[j]
+times = compiled(_times)
 
 
-def _add(y: FloatArray, k: int, g: FloatArray, w: float) -> None:
-    """Add w g for one row ``g`` that begins at unknown ``k``."""
-    for i in range(WIDTH):
-        y[k + i] += w * g[i]
+def _cost_terms(goal: Any, value: FloatArray, gradient: FloatArray, band: FloatArray) -> float:
+    """Set gradient and Newton matrix to the derivatives of the cost, and return it."""
+    first, points, _offsets, weights = goal
+    for i in range(gradient.size):
+        gradient[i] = 0.0
+        for j in range(WIDTH):
+            band[j, i] = 0.0
+    cost = 0.0
+    for p in range(value.size):
+        root = 1.0 / np.sqrt(value[p])
+        cost += weights[p] * root
+        slope = -0.5 * weights[p] * root * root * root
+        curvature = -1.5 * slope * root * root
+        for i in range(WIDTH):
+            k = first[p] + i
+            gradient[k] += slope * points[p, i]
+            for j in range(i, WIDTH):
+                band[j - i, k] += curvature * points[p, i] * points[p, j]
+    return cost
 
 
-factor = njit(cache=True)(_factor)
-back_solve = njit(cache=True)(_back_solve)
-times = njit(cache=True)(_times)
-add_square = njit(cache=True)(_add_square)
-add = njit(cache=True)(_add)
+cost_terms = compiled(_cost_terms)
 
 
-def _assembled(system: Any, goal: Any, iterate: Any, newton: Any) -> Any:
-    """Fill in the Newton matrix and the gradients at the iterate.
+def _add_rows(system: Any, iterate: Any, newton: Any, dual: FloatArray) -> Any:
+    """Add what the constraints do to gradient and Newton matrix, and find their residuals.
+
+    Args:
+        system: See ``solve``.
+        iterate: Unknowns, cost's points, rows times unknowns, and the state of ``_direction``.
+        newton: Newton matrix, gradient of the cost, step.
+        dual: Where to write the gradient of the Lagrangian, (n,).
 
     Returns:
-        Cost, sum of slack times multiplier, size of the dual residual, largest primal residual.
+        Sum of slack times multiplier, size of the dual residual, largest primal residual.
     """
-    first, rows, bounds = system
-    point_first, points, _offsets, weights = goal
-    x, value, gx, state = iterate
+    x, _value, gx, state = iterate
     band, gradient, _dx = newton
-    band[:] = 0.0
-    gradient[:] = 0.0
-    now = 0.0
-    for p in range(weights.size):
-        root = 1.0 / np.sqrt(value[p])
-        cube = weights[p] * root * root * root
-        now += weights[p] * root
-        add(gradient, point_first[p], points[p], -0.5 * cube)
-        add_square(band, point_first[p], points[p], 0.75 * cube * root * root)
-    dual = gradient.copy()
+    for i in range(x.size):
+        dual[i] = gradient[i]
+    first, rows, bounds = system
     gap = 0.0
     primal = 0.0
     for r in range(bounds.size):
-        state[0, r] = gx[r] + state[1, r] - bounds[r]
-        add(dual, first[r], rows[r], state[2, r])
-        add_square(band, first[r], rows[r], state[2, r] / state[1, r])
-        gap += state[1, r] * state[2, r]
-        primal = max(primal, abs(state[0, r]))
+        s = state[1, r]
+        z = state[2, r]
+        residual = gx[r] + s - bounds[r]
+        state[0, r] = residual
+        gap += s * z
+        primal = max(primal, abs(residual))
+        curvature = z / s
+        for i in range(WIDTH):
+            k = first[r] + i
+            dual[k] += z * rows[r, i]
+            part = curvature * rows[r, i]
+            for j in range(i, WIDTH):
+                band[j - i, k] += part * rows[r, j]
     slope = 0.0
     for i in range(x.size):
         slope += abs(dual[i] * x[i])
         if band[0, i] == 0.0:  # no row touches this unknown
             band[0, i] = 1.0
-    return now, gap, slope, primal
+    return gap, slope, primal
 
 
-assembled = njit(cache=True)(_assembled)
+add_rows = compiled(_add_rows)
 
 
 def _direction(system: Any, state: FloatArray, newton: Any, target: float, second: bool) -> Any:
@@ -146,52 +170,57 @@ def _direction(system: Any, state: FloatArray, newton: Any, target: float, secon
     step of the multiplier. The first step is the predictor; the second one corrects it.
 
     Returns:
-        How far the slacks and the multipliers can go until one of them is zero, at most 1.
+        How far the slacks and the multipliers can go until one of them is zero, at most 1, and
+        the sum of slack times multiplier there.
     """
-    first, rows, _bounds = system
+    first, rows, bounds = system
     band, gradient, dx = newton
-    residual, s, z, ds, dz = state
     for i in range(dx.size):
         dx[i] = -gradient[i]
-    for r in range(s.size):
-        pull = z[r] * residual[r]
-        pull += target
+    for r in range(bounds.size):
+        pull = state[2, r] * state[0, r] + target
         if second:
-            pull -= ds[r] * dz[r]
-        add(dx, first[r], rows[r], -pull / s[r])
+            pull -= state[3, r] * state[4, r]
+        pull /= state[1, r]
+        for j in range(WIDTH):
+            dx[first[r] + j] -= pull * rows[r, j]
     back_solve(band, dx)
     go_s = 1.0
     go_z = 1.0
-    for r in range(s.size):
-        move = -residual[r]
+    for r in range(bounds.size):
+        s = state[1, r]
+        z = state[2, r]
+        move = -state[0, r]
         for j in range(WIDTH):
             move -= rows[r, j] * dx[first[r] + j]
-        change = target / s[r] - z[r] * (1.0 + move / s[r])
+        change = target / s - z * (1.0 + move / s)
         if second:
-            change -= ds[r] * dz[r] / s[r]
-        ds[r] = move
-        dz[r] = change
-        if move < 0.0:
-            go_s = min(go_s, -s[r] / move)
-        if change < 0.0:
-            go_z = min(go_z, -z[r] / change)
-    return go_s, go_z
+            change -= state[3, r] * state[4, r] / s
+        state[3, r] = move
+        state[4, r] = change
+        if -move * go_s > s:
+            go_s = -s / move
+        if -change * go_z > z:
+            go_z = -z / change
+    ahead = 0.0
+    for r in range(bounds.size):
+        ahead += (state[1, r] + go_s * state[3, r]) * (state[2, r] + go_z * state[4, r])
+    return go_s, go_z, ahead
 
 
-direction = njit(cache=True)(_direction)
+direction = compiled(_direction)
 
 
 def _advance(goal: Any, iterate: Any, dx: FloatArray, go_s: float, go_z: float) -> None:
     """Step as far as slacks, multipliers and cost stay positive and finite."""
-    point_first, points, _offsets, weights = goal
+    first, points, _offsets, weights = goal
     x, value, _gx, state = iterate
-    go_s = min(1.0, _BACK * go_s)
-    go_z = min(1.0, _BACK * go_z)
-    move = np.empty(weights.size)
-    times(point_first, points, dx, move)
     for p in range(weights.size):
-        if move[p] < 0.0:
-            go_s = min(go_s, -_BACK_COST * value[p] / move[p])
+        move = 0.0
+        for j in range(WIDTH):
+            move += points[p, j] * dx[first[p] + j]
+        if -move * go_s > _BACK_COST * value[p]:
+            go_s = -_BACK_COST * value[p] / move
     for i in range(x.size):
         x[i] += go_s * dx[i]
     for r in range(state.shape[1]):
@@ -199,37 +228,37 @@ def _advance(goal: Any, iterate: Any, dx: FloatArray, go_s: float, go_z: float) 
         state[2, r] += go_z * state[4, r]
 
 
-advance = njit(cache=True)(_advance)
+advance = compiled(_advance)
 
 
 def _evaluate(system: Any, goal: Any, iterate: Any) -> None:
     """Multiply rows and points by the unknowns."""
     x, value, gx, _state = iterate
     times(goal[0], goal[1], x, value)
-    for p in range(value.size):
-        value[p] += goal[2][p]
+    value += goal[2]
     times(system[0], system[1], x, gx)
 
 
-evaluate = njit(cache=True)(_evaluate)
-
-
-def _excess(system: Any, x: FloatArray) -> float:
+def excess(system: Any, x: FloatArray) -> float:
     """Return the largest row over its bound, of the bounds above zero."""
     first, rows, bounds = system
     product = np.empty(bounds.size)
     times(first, rows, x, product)
-    largest = 0.0
-    for r in range(bounds.size):
-        if bounds[r] > 0.0:
-            largest = max(largest, product[r] / bounds[r])
-    return largest
+    above = bounds > 0.0
+    return float((product[above] / bounds[above]).max(initial=0.0))
 
 
-excess = njit(cache=True)(_excess)
+def _begin(system: Any, goal: Any, iterate: Any) -> None:
+    """Choose slacks and multipliers to begin with."""
+    _x, value, gx, state = iterate
+    _evaluate(system, goal, iterate)
+    with np.errstate(divide="ignore", invalid="ignore"):  # then it does not converge
+        cost = (goal[3] / np.sqrt(value)).sum()
+    np.maximum(system[2] - gx, _LEAST_SLACK, out=state[1])
+    np.divide(_FIRST_GAP * cost / gx.size, state[1], out=state[2])
 
 
-def _solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> Any:
+def solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> tuple[int, bool]:
     """Solve in place.
 
     Args:
@@ -241,37 +270,25 @@ def _solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> Any:
     Returns:
         Number of steps, and whether the tolerance was reached.
     """
-    n = x.size
-    m = system[2].size
-    value = np.empty(goal[3].size)
-    gx = np.empty(m)
+    n, m = x.size, system[2].size
     state = np.zeros((5, m))
-    iterate = (x, value, gx, state)
+    iterate = (x, np.empty(goal[3].size), np.empty(m), state)
     newton = (np.empty((WIDTH, n)), np.empty(n), np.empty(n))
-    evaluate(system, goal, iterate)
-    cost = 0.0
-    for p in range(value.size):
-        cost += goal[3][p] / np.sqrt(value[p])
-    for r in range(m):
-        state[1, r] = max(system[2][r] - gx[r], _LEAST_SLACK)
-        state[2, r] = _FIRST_GAP * cost / m / state[1, r]
+    dual = np.empty(n)
+    _begin(system, goal, iterate)
     for step in range(MAX_STEPS):
-        now, gap, slope, primal = assembled(system, goal, iterate, newton)
+        now = cost_terms(goal, iterate[1], newton[1], newton[0])
+        gap, slope, primal = add_rows(system, iterate, newton, dual)
         if gap <= tolerance * now and slope <= _STATIONARY * now and primal <= _FEASIBLE:
             return step, True
-        if not factor(newton[0]):
+        if not factor(newton[0], newton[0][0].copy()):
             return step, False
-        go_s, go_z = direction(system, state, newton, 0.0, False)
-        ahead = 0.0
-        for r in range(m):
-            ahead += (state[1, r] + go_s * state[3, r]) * (state[2, r] + go_z * state[4, r])
+        _go_s, _go_z, ahead = direction(system, state, newton, 0.0, False)
         target = gap / m * (ahead / gap) ** 3
-        go_s, go_z = direction(system, state, newton, target, True)
+        go_s, go_z, _ahead = direction(system, state, newton, target, True)
         if min(go_s, go_z) < _SHORT:  # the correction does more harm than good: only centre
-            go_s, go_z = direction(system, state, newton, _CENTRE * gap / m, False)
+            go_s, go_z, _ahead = direction(system, state, newton, _CENTRE * gap / m, False)
+        go_s, go_z = min(1.0, _BACK * go_s), min(1.0, _BACK * go_z)
         advance(goal, iterate, newton[2], go_s, go_z)
-        evaluate(system, goal, iterate)
+        _evaluate(system, goal, iterate)
     return MAX_STEPS, False
-
-
-solve = njit(cache=True)(_solve)

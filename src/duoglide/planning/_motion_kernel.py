@@ -9,12 +9,12 @@ from math import cos, sin, sqrt
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from duoglide.arrays import FloatArray
+from duoglide.kinematics._compiled import compiled, inlined
 from duoglide.motion import carriage_path
 
-_root = njit(cache=True)(carriage_path._root)  # one formula, one place
+_root = inlined(carriage_path._root)  # one formula, one place
 
 
 def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArray) -> None:
@@ -44,7 +44,7 @@ def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArra
         out[3, axis] = d3 * (6.0 * w * w * w)
 
 
-point = njit(cache=True)(_point)
+point = inlined(_point)
 
 
 def _carriages(r: FloatArray, constants: Any, q: FloatArray) -> bool:
@@ -73,7 +73,7 @@ def _carriages(r: FloatArray, constants: Any, q: FloatArray) -> bool:
     return True
 
 
-carriages = njit(cache=True)(_carriages)
+carriages = inlined(_carriages)
 
 
 def _carriage_motion(
@@ -108,4 +108,4 @@ def _carriage_motion(
     return -1
 
 
-carriage_motion = njit(cache=True)(_carriage_motion)
+carriage_motion = compiled(_carriage_motion)

@@ -11,70 +11,54 @@ The unknowns are alpha and ``unit`` times beta of each node in turn: cell k touc
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 
 POINTS = 3  # of a cell
 WIDTH = 4  # unknowns that a row touches
 _BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
+_HALVES = np.array([0.25, 0.75])
+_BINOMIAL = np.array([1.0, 3.0, 1.0])
 _LEAST = 0.02  # of alpha at a node, that its Bernstein coefficient keeps
 
 
-def _basis(delta: float, unit: float, point: int, out: FloatArray) -> None:
-    """Write alpha, beta and d beta/d theta at a point of a cell as rows, (3, 4)."""
-    for i in range(3):  # entry by entry, here and below: whole rows take 10 s to compile
-        for j in range(WIDTH):
-            out[i, j] = 0.0
-    h = 1.0 / delta
-    w = 1.0 / unit
-    if point == 1:
-        for j in range(2):
-            sign = 1.0 - 2.0 * j
-            out[0, 2 * j] = 0.5
-            out[0, 2 * j + 1] = 0.25 * sign * delta * w
-            out[1, 2 * j] = -0.75 * sign * h
-            out[1, 2 * j + 1] = -0.25 * w
-            out[2, 2 * j + 1] = -sign * h * w
-        return
-    out[0, point] = 1.0
-    out[1, point + 1] = w
-    sign = 1.0 if point == 0 else -1.0
-    out[2, 0] = -3.0 * sign * h * h
-    out[2, 1] = (-4.0 if point == 0 else 2.0) * h * w
-    out[2, 2] = 3.0 * sign * h * h
-    out[2, 3] = (-2.0 if point == 0 else 4.0) * h * w
+def _cells(delta: FloatArray, unit: float) -> FloatArray:
+    """Return alpha, beta and d beta/d theta at the points of each cell as rows, (n, 3, 3, 4)."""
+    rows = np.zeros((3, 3, WIDTH, delta.size))  # point, derivative, unknown, cell
+    h, w = 1.0 / delta, 1.0 / unit
+    for point, sign in ((0, 1.0), (2, -1.0)):
+        rows[point, 0, point] = 1.0
+        rows[point, 1, point + 1] = w
+        rows[point, 2, 0] = -3.0 * sign * h * h
+        rows[point, 2, 1] = (-4.0 if point == 0 else 2.0) * h * w
+        rows[point, 2, 2] = 3.0 * sign * h * h
+        rows[point, 2, 3] = (-2.0 if point == 0 else 4.0) * h * w
+    for j, sign in ((0, 1.0), (2, -1.0)):
+        rows[1, 0, j] = 0.5
+        rows[1, 0, j + 1] = 0.25 * sign * delta * w
+        rows[1, 1, j] = -0.75 * sign * h
+        rows[1, 1, j + 1] = -0.25 * w
+        rows[1, 2, j + 1] = -sign * h * w
+    return np.ascontiguousarray(rows.transpose(3, 0, 1, 2))
 
 
-basis_rows = njit(cache=True)(_basis)
-
-
-def _alpha(delta: float, unit: float, u: float, out: FloatArray) -> None:
-    """Write alpha at share ``u`` of a cell as a row, (4,)."""
+def _alpha(delta: FloatArray, unit: float, u: FloatArray) -> FloatArray:
+    """Return alpha at shares ``u`` of each cell as rows, (n, shares, 4)."""
     v = 1.0 - u
-    slope = 2.0 * delta / unit
-    out[0] = v * v * (1.0 + 2.0 * u)
-    out[1] = slope * u * v * v
-    out[2] = u * u * (1.0 + 2.0 * v)
-    out[3] = -slope * u * u * v
+    slope = 2.0 * delta[:, None] / unit
+    rows = np.empty((delta.size, u.size, WIDTH))
+    rows[..., 0] = v * v * (1.0 + 2.0 * u)
+    rows[..., 1] = slope * (u * v * v)
+    rows[..., 2] = u * u * (1.0 + 2.0 * v)
+    rows[..., 3] = -slope * (u * u * v)
+    return rows
 
 
-alpha_row = njit(cache=True)(_alpha)
-
-
-def _mix(third: float, beta: float, alpha: float, basis: FloatArray, out: FloatArray) -> None:
-    """Write a sum of the rows of ``_basis`` with these factors, (4,)."""
-    for j in range(WIDTH):
-        out[j] = third * basis[2, j] + beta * basis[1, j] + alpha * basis[0, j]
-
-
-mix = njit(cache=True)(_mix)
-
-
-def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray) -> Any:
+def limit_rows(
+    delta: FloatArray, unit: float, limits: tuple[FloatArray, ...], tangent: FloatArray
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Return the rows (first unknown, four factors, bound) of every limit.
 
     Args:
@@ -88,80 +72,63 @@ def _limit_rows(delta: FloatArray, unit: float, limits: Any, tangent: FloatArray
     """
     speed, acceleration, jerk = limits
     cells = delta.size
-    ma = acceleration.shape[2]
-    mj = jerk.shape[2]
-    count = (2 * cells + 1) * (1 + 2 * ma) + 6 * cells * mj + 4 * cells
-    first = np.empty(count, np.int64)
-    rows = np.zeros((count, 4))
-    bounds = np.ones(count)
-    basis = np.empty((3, 4))
-    r = 0
-    for k in range(cells):
-        for end in range(2):  # the cubic's Bernstein coefficients stay positive, and so does alpha
-            first[r] = 2 * k
-            bounds[r] = 0.0
-            weight = 1.0 / tangent[k, 2 * end]
-            rows[r, 2 * end] = -(1.0 - _LEAST) * weight
-            rows[r, 2 * end + 1] = (2.0 * end - 1.0) * weight * delta[k] / (1.5 * unit)
-            r += 1
-        for half in range(2):
-            first[r] = 2 * k
-            alpha_row(delta[k], unit, 0.25 + 0.5 * half, rows[r])
-            for j in range(WIDTH):
-                rows[r, j] *= 0.5 * (speed[k, half] + speed[k, half + 1])
-            r += 1
-        for point in range(POINTS):
-            basis_rows(delta[k], unit, point, basis)
-            if point < 2 or k == cells - 1:
-                first[r] = 2 * k
-                mix(0.0, 0.0, speed[k, point], basis, rows[r])
-                r += 1
-                for i in range(ma):
-                    for sign in (1.0, -1.0):
-                        first[r] = 2 * k
-                        q1 = sign * acceleration[k, point, i, 0]
-                        q2 = sign * acceleration[k, point, i, 1]
-                        mix(0.0, q1, q2, basis, rows[r])
-                        r += 1
-            root = np.sqrt(tangent[k, point])
-            slope = 0.5 / tangent[k, point]
-            for i in range(mj):
-                for sign in (root, -root):
-                    first[r] = 2 * k
-                    bounds[r] = 1.5
-                    q1 = sign * jerk[k, point, i, 0]
-                    q2 = sign * 3.0 * jerk[k, point, i, 1]
-                    q3 = sign * jerk[k, point, i, 2] + slope
-                    mix(q1, q2, q3, basis, rows[r])
-                    r += 1
-    return first, rows, bounds
+    at = _cells(delta, unit)
+    node = _node_rows(at, speed, acceleration)
+    with np.errstate(divide="ignore", invalid="ignore"):  # no tangent: the solver will not converge
+        positive = _positive(delta, unit, tangent)
+        jerks = _jerk_rows(at, jerk, tangent)
+    halves = 0.5 * (speed[:, :2] + speed[:, 1:])[..., None] * _alpha(delta, unit, _HALVES)
+    each = np.concatenate([positive, halves, node[:, :2].reshape(cells, -1, WIDTH), jerks], axis=1)
+    bounds = np.ones(each.shape[:2])
+    bounds[:, :2] = 0.0
+    bounds[:, -len(jerks[0]) :] = 1.5
+    last = node[-1, 2]  # elsewhere this is the next cell's first point
+    rows = np.concatenate([each.reshape(-1, WIDTH), last])
+    first = np.full(len(rows), 2 * (cells - 1))
+    first[: bounds.size] = np.repeat(2 * np.arange(cells), len(bounds[0]))
+    return first, rows, np.append(bounds, np.ones(len(last)))
 
 
-limit_rows = njit(cache=True)(_limit_rows)
+def _positive(delta: FloatArray, unit: float, tangent: FloatArray) -> FloatArray:
+    """Return rows that keep the cubic's Bernstein coefficients above 0, (n, 2, 4)."""
+    rows = np.zeros((delta.size, 2, WIDTH))
+    for end in range(2):
+        weight = 1.0 / tangent[:, 2 * end]
+        rows[:, end, 2 * end] = -(1.0 - _LEAST) * weight
+        rows[:, end, 2 * end + 1] = (2.0 * end - 1.0) * weight * delta / (1.5 * unit)
+    return rows
 
 
-def _duration_points(delta: FloatArray, unit: float) -> Any:
-    """Return alpha at five points of each cell as rows, and Boole's weights.
+def _node_rows(at: FloatArray, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Return the limits of speed and acceleration at each point, (n, 3, rows, 4)."""
+    within = acceleration @ at[:, :, 1::-1]
+    return np.concatenate([speed[..., None, None] * at[:, :, :1], within, -within], axis=2)
+
+
+def _jerk_rows(at: FloatArray, jerk: FloatArray, tangent: FloatArray) -> FloatArray:
+    """Return the limits of jerk in each cell, (n, rows, 4)."""
+    root = np.sqrt(tangent)[..., None, None]
+    slope = (0.5 / tangent)[..., None, None] * at[:, :, :1]
+    within = (root * jerk * _BINOMIAL) @ at[:, :, ::-1]
+    return np.concatenate([slope + within, slope - within], axis=2).reshape(len(at), -1, WIDTH)
+
+
+def duration_points(
+    delta: FloatArray, unit: float
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """Return alpha at five points of each cell as rows (first unknown, factors), Boole's weights.
 
     With fewer points an alpha that swings between them would cost nothing.
     """
     count = _BOOLE.size
-    first = np.empty(count * delta.size, np.int64)
-    points = np.empty((count * delta.size, 4))
-    weights = np.empty(count * delta.size)
-    for k in range(delta.size):
-        for j in range(count):
-            p = count * k + j
-            first[p] = 2 * k
-            alpha_row(delta[k], unit, j / (count - 1.0), points[p])
-            weights[p] = delta[k] * _BOOLE[j]
-    return first, points, weights
+    points = _alpha(delta, unit, np.linspace(0.0, 1.0, count)).reshape(-1, WIDTH)
+    first = np.repeat(2 * np.arange(delta.size), count)
+    return first, points, (delta[:, None] * _BOOLE).ravel()
 
 
-duration_points = njit(cache=True)(_duration_points)
-
-
-def _replace(first: Any, rows: FloatArray, unknown: int, by: int, value: float) -> FloatArray:
+def replace_unknown(
+    first: NDArray[np.int64], rows: FloatArray, unknown: int, by: int, value: float
+) -> FloatArray:
     """Take an unknown out of rows, in place: it is another one (``by``), or a value (by = -1).
 
     Every row that touches the unknown touches the other one too.
@@ -170,15 +137,12 @@ def _replace(first: Any, rows: FloatArray, unknown: int, by: int, value: float) 
         What is to be added to each row's product, (m,).
     """
     offset = np.zeros(first.size)
-    for r in range(first.size):
-        j = unknown - first[r]
-        if 0 <= j < 4:
-            if by < 0:
-                offset[r] = rows[r, j] * value
-            else:
-                rows[r, by - first[r]] += rows[r, j]
-            rows[r, j] = 0.0
+    j = unknown - first
+    touched = np.flatnonzero((j >= 0) & (j < WIDTH))
+    j = j[touched]
+    if by < 0:
+        offset[touched] = rows[touched, j] * value
+    else:
+        rows[touched, by - first[touched]] += rows[touched, j]
+    rows[touched, j] = 0.0
     return offset
-
-
-replace_unknown = njit(cache=True)(_replace)

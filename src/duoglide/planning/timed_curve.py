@@ -118,7 +118,7 @@ class TimedCurve:
         shape = motion.shape[:-1]
         result = np.empty((*shape, 3, 3))
         rows = np.ascontiguousarray(motion).reshape(-1, 4)
-        pieces = np.broadcast_to(piece, shape).ravel()
+        pieces = np.broadcast_to(piece, shape).flatten()  # never read-only: that compiles again
         lost = _motion_kernel.carriage_motion(
             self._arrays, self._constants, rows, pieces, result.reshape(-1, 3, 3)
         )
