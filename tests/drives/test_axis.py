@@ -50,7 +50,7 @@ def test_everything_that_protects_the_machine_is_in_the_drive(axes: list[Axis]) 
         (0x6007, 0): 3,
         (0x605A, 0): 6,
         (0x605E, 0): 2,
-        (0x6065, 0): 5000,
+        (0x6065, 0): 15000,
         (0x6066, 0): 10,
         (0x6085, 0): 60_000_000,
         (0x1006, 0): 2000,
@@ -131,7 +131,7 @@ def test_objects_that_the_machine_file_calls_absent_are_not_written(
 
 
 def test_a_value_that_the_drive_changes_is_noticed(drives: SimulatedDrives, axis: Axis) -> None:
-    with pytest.raises(DriveError, match="0x6065:0 was written as 5000 but reads 1234"):
+    with pytest.raises(DriveError, match="0x6065:0 was written as 15000 but reads 1234"):
         original = axis.read
         axis.read = lambda index, sub=0, timeout=None: (  # type: ignore[method-assign]
             1234 if index == 0x6065 else original(index, sub, timeout)

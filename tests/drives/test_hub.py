@@ -34,7 +34,7 @@ class Listener:
     def attach(self, send: Callable[[int, bytes], None]) -> None:
         self.send = send
 
-    def receive(self, can_id: int, data: bytes, now: int) -> None:
+    def receive(self, can_id: int, data: bytes, now: int, behind: int = 0) -> None:
         self.heard.append((can_id, data))
         if can_id == 0x80:
             for node in (1, 2, 3):

@@ -29,8 +29,8 @@ class Station(Protocol):
     def patience(self) -> float:
         """How long it may be left alone [s]."""
 
-    def receive(self, can_id: int, data: bytes, now: int) -> None:
-        """Take a frame at ``now`` [us]."""
+    def receive(self, can_id: int, data: bytes, now: int, behind: int = 0) -> None:
+        """Take a frame at ``now`` [us]; so many SYNCs are known to wait ``behind`` it."""
 
     def poll(self, now: int) -> None:
         """Let time pass."""
@@ -167,13 +167,16 @@ class Hub:
             self._drop(descriptor)
             return
         now = time.monotonic_ns() // 1000
-        for words in client.splitter.feed(data):
+        waiting = list(client.splitter.feed(data))
+        syncs = sum(map(_is_sync, waiting))
+        for words in waiting:
             if words[0] == b"send":
-                self._frame(client, words, now)
+                syncs -= _is_sync(words)
+                self._frame(client, words, now, syncs)
             else:
                 self._answer(client, words[0])
 
-    def _frame(self, client: _Client, words: list[bytes], now: int) -> None:
+    def _frame(self, client: _Client, words: list[bytes], now: int, behind: int) -> None:
         try:
             can_id, data = decode_send(words)
         except (ValueError, IndexError):
@@ -181,10 +184,14 @@ class Hub:
             return
         client.settled = True
         self.broadcast(can_id, data, client)
-        self._station.receive(can_id, data, now)
+        self._station.receive(can_id, data, now, behind)
 
     def _answer(self, client: _Client, word: bytes) -> None:
         if word == b"rawmode":
             client.listens, client.raw_since = True, time.monotonic()
         known = word in (b"open", b"rawmode")
         client.waiting += b"< ok >" if known else b"< echo >" if word == b"echo" else b"< error >"
+
+
+def _is_sync(words: list[bytes]) -> bool:
+    return words[0] == b"send" and words[1].lstrip(b"0") == b"80"

@@ -1,8 +1,10 @@
 """Several simulated drives on one bus, and their time.
 
-The drives' clocks lock on to SYNC, as those of real drives do: from one SYNC to the next exactly
-one period of 0x60C2 passes for them, however the host's scheduler shakes the frames. Only when a
-SYNC stays away does the wall clock take over, and with it the drives' own watchdogs.
+The drives' clocks lock on to SYNC, as those of real drives do: from one SYNC to the next a whole
+number of periods of 0x60C2 passes for them, however the host's scheduler shakes the frames. It is
+one, and one more for each SYNC that the host has left out: for each whole period that the wall
+clock has gone on and for which no SYNC waits behind this one. When SYNC stays away the wall clock
+takes over, and with it the drives' own watchdogs.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ from duoglide.drives.cia402 import State, decode
 from duoglide.drives.node import DriveNode, Send
 
 _LATE = 2.5  # periods after which a SYNC counts as missing, not as late
+_TARDY = 0.95  # of a period, up to which a SYNC is late and none has been left out
+_LOCKING = 16  # SYNCs within which the drives' clock takes up most of a shift of SYNC
 _UNLOCKED = 20.0  # periods after which nobody sends SYNC any more
 _BUSY, _IDLE = 0.001, 0.005  # how often to look at the clock under power, and without [s]
 _LONGEST_GAP = 1_000_000  # what a stopped process makes up for at most [us]
@@ -62,10 +66,10 @@ class DriveRack:
             return min(1.25e-6 * self._period, _IDLE)
         return _BUSY if any(node.axis.powered for node in self.nodes) else _IDLE
 
-    def receive(self, can_id: int, data: bytes, now: int) -> None:
-        """Take a frame at ``now`` [us]."""
+    def receive(self, can_id: int, data: bytes, now: int, behind: int = 0) -> None:
+        """Take a frame at ``now`` [us]; so many SYNCs are known to wait ``behind`` it."""
         if can_id == pdo.SYNC:
-            self._synchronise(now)
+            self._synchronise(now, behind)
         if pdo.TPDO1 <= can_id < pdo.HEARTBEAT:  # process data and SDO are for one node
             node = self._by_id.get(can_id & 0x7F)
             if node is not None:
@@ -84,13 +88,17 @@ class DriveRack:
                 self._last_sync = None
         self._pass_to(now)
 
-    def _synchronise(self, now: int) -> None:
+    def _synchronise(self, now: int, behind: int) -> None:
         self._period = max([node.axis.period for node in self.nodes])
-        if self._last_sync is None or self._since_sync >= self._period:
+        if self._last_sync is None or self._wall is None or self._since_sync >= self._period:
             self._pass_to(now)
         else:
-            self._pass(self._period - self._since_sync)
-            self._wall = now
+            gone = int((now - self._wall) / self._period + 1.0 - _TARDY)
+            periods = max(gone - behind, 1)
+            self._pass(periods * self._period - self._since_sync)
+            self._wall += periods * self._period
+            if not behind:
+                self._wall += (now - self._wall) // _LOCKING
         self._last_sync = now
         self._since_sync = 0
 

@@ -50,7 +50,7 @@ class DriveSettings:
     bit_rate: int = 1_000_000
     cycle: float = 0.002
     quick_stop_deceleration: tuple[float, float, float] = (60e3, 60e3, 60e3)
-    following_error_window: float = 5.0
+    following_error_window: float = 15.0
     following_error_time: float = 0.01
     host_id: int = 127
     heartbeat_period: float = 0.05
