@@ -133,11 +133,11 @@ def test_a_run_that_somebody_else_started_is_shown_and_stopped(browser: Any) -> 
         robot.home()
         with Page(machine, drives=robot, port=0) as page:
             tab = visit(browser, page)
-            run = robot.start(trajectory, approach=True, override=0.01)
+            run = robot.start(trajectory, approach=True, override=0.004)
             wait_for(tab, "running")
             tab.mouse.click(700, 900)  # away from every control
             tab.keyboard.press("Space")
-            report = run.wait(30.0)
+            report = run.wait(60.0)
             wait_for(tab, "Stopped by the operator")
             tab.close()
         assert not report.completed
