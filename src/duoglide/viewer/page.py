@@ -75,6 +75,10 @@ class Page:
         """Where a browser finds the page."""
         return f"http://{self._server.get_host()}:{self._server.get_port()}"
 
+    def stop(self) -> None:
+        """Do what the Stop button does."""
+        self._machine.stop()
+
     def close(self) -> None:
         """Stop the machine if it moves, and stop serving."""
         self._motion.close()
