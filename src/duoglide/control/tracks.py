@@ -26,13 +26,14 @@ class AxisTrack:
         mode: 0x6061.
         nmt: NMT state of its last heartbeat; -1 before the first.
         missing: Cycles in a row without feedback.
+        regular: Cycles in a row with feedback.
         silence: Cycles since its last heartbeat.
         heard: Whether feedback has ever come.
     """
 
     __slots__ = (
         "_feedback", "actual", "boots", "emergencies", "heard", "inputs", "missing", "mode",
-        "nmt", "silence", "state", "statusword",
+        "nmt", "regular", "silence", "state", "statusword",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -43,6 +44,7 @@ class AxisTrack:
         self.mode = 0
         self.nmt = _NO_NMT
         self.missing = 0
+        self.regular = 0
         self.silence = 0
         self.heard = False
         self.boots = 0
@@ -91,11 +93,13 @@ class AxisTrack:
         queue = self._feedback
         if not queue:
             self.missing += 1
+            self.regular = 0
             return
         if self.missing or len(queue) > 2:
             while len(queue) > 1:
                 queue.popleft()
         self.missing, self.heard = 0, True
+        self.regular += 1
         self.statusword, self.actual = pdo.FEEDBACK.unpack_from(queue.popleft())
         try:
             self.state = decode_state(self.statusword)
