@@ -55,19 +55,23 @@ def test_away_from_the_start_it_is_refused_and_no_log_is_left(
     assert not list(folder.glob("*refused*"))
 
 
-def test_ctrl_c_stops_on_the_path_and_leaves_a_whole_log(folder: Path) -> None:
-    words = ["stream", "plan.mcap", "--log", "stopped.mcap", "--approach", "--override", "4"]
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_sigterm_stop_on_the_path_and_leave_a_whole_log(
+    folder: Path, number: signal.Signals
+) -> None:
+    name = f"{number.name}.mcap"
+    words = ["stream", "plan.mcap", "--log", name, "--approach", "--override", "4"]
     process = subprocess.Popen(
         [sys.executable, "-m", "duoglide.cli", *words],
         cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
-    log = folder / "stopped.mcap"
+    log = folder / name
     with process:
         deadline = time.monotonic() + 30.0
         while not log.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
         time.sleep(1.0)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, errors = process.communicate(timeout=30.0)
     assert process.returncode == 1
     assert errors.splitlines()[-1] == "duoglide: interrupted"
@@ -77,3 +81,14 @@ def test_ctrl_c_stops_on_the_path_and_leaves_a_whole_log(folder: Path) -> None:
     kinds = [event.kind for _, event in opened.records(Topic.EVENT)]
     assert EventKind.STARTED in kinds
     assert EventKind.FAULT not in kinds
+
+
+def test_simulated_drives_end_in_order_when_they_are_asked_to() -> None:
+    command = [sys.executable, "-m", "duoglide.cli", "drives"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert "three drives on --bus socketcand:" in process.stdout.readline()
+        process.terminate()
+        said, _ = process.communicate(timeout=10.0)
+    assert process.returncode == 0
+    assert said.splitlines()[-1] == "ended"

@@ -12,10 +12,11 @@ code   meaning
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -35,6 +36,9 @@ from duoglide.cli.verbs import (
     workspace,
 )
 from duoglide.errors import DuoglideError
+
+if TYPE_CHECKING:
+    from types import FrameType
 
 DONE, FAILED, MISUSED = 0, 1, 2
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
@@ -81,8 +85,19 @@ def start(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command and leave the process with its exit code."""
+    """Run a command and leave the process with its exit code.
+
+    Whoever ends it from outside (a supervisor's SIGTERM, a terminal that is gone) ends it as Ctrl-C
+    does: a machine in motion stops along its path and logs are closed.
+    """
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has SIGHUP ignored
+            signal.signal(number, _interrupt)
     sys.exit(run(arguments))
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

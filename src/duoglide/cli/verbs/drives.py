@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import signal
 import time
-from typing import TYPE_CHECKING
 
 import typer
 
 from duoglide.cli.console import say
 from duoglide.cli.options import Bus, MachineFile, load_machine
-
-if TYPE_CHECKING:
-    from types import FrameType
 
 _EXAMPLE = """\
 Examples:
@@ -30,7 +25,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def drives(bus: Bus = "virtual", machine: MachineFile = None) -> None:
-    """Run three simulated CiA 402 drives for somebody else to move; Ctrl-C ends them.
+    """Run three simulated CiA 402 drives for somebody else to move; Ctrl-C or SIGTERM ends them.
 
     With --bus virtual a hub is opened on the loopback, and its name printed for --bus elsewhere.
     """
@@ -38,7 +33,6 @@ def drives(bus: Bus = "virtual", machine: MachineFile = None) -> None:
     from duoglide.drives.simulated import SimulatedDrives
     from duoglide.kinematics.home import home_carriages
 
-    signal.signal(signal.SIGTERM, _interrupt)
     try:
         start = home_carriages(described).tolist()
         with SimulatedDrives(described.drives, start, bus=bus) as running:
@@ -49,8 +43,3 @@ def drives(bus: Bus = "virtual", machine: MachineFile = None) -> None:
                 time.sleep(_LOOK)
     except KeyboardInterrupt:
         say("ended")
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    """End in order when somebody asks for it."""
-    raise KeyboardInterrupt

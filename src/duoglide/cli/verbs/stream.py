@@ -59,7 +59,10 @@ def stream(
     machine: MachineFile = None,
     as_json: Json = False,
 ) -> None:
-    """Bring up the drives of a bus and stream a plan to them; Ctrl-C stops along the path."""
+    """Bring up the drives of a bus and stream a plan to them.
+
+    Ctrl-C and SIGTERM stop along the path, close the log and switch off.
+    """
     factor = override_factor(override)
     require_place(log)
     from duoglide.motion.trajectory import Trajectory
