@@ -177,6 +177,22 @@ def test_a_lost_feedback_frame_at_full_speed_is_no_following_error(make_bench: A
     assert bench.happened(Happening.FINISHED)
 
 
+def test_that_all_drives_are_silent_is_borne_for_longer_where_they_are_simulated(
+    make_bench: Callable[..., Any],
+) -> None:
+    bench = make_bench(silence=50).enable()
+    bench.run(bench.straight())
+    bench.step(100)
+    for drive in bench.drives:
+        drive.mute = True
+    bench.step(49)
+    assert not bench.tripped()
+    for drive in bench.drives[:2]:
+        drive.mute = False
+    bench.step(4)
+    assert bench.tripped() == [(Condition.SILENT, 3)]
+
+
 def test_a_lost_setpoint_is_bridged_by_the_drive(running: Any) -> None:
     running.lose = lambda identifier: identifier == pdo.RPDO1 + 3
     running.step()

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pytest
 
 from duoglide.control.loop import run_cycles
 from duoglide.control.orders import Command, Happening
@@ -152,37 +154,56 @@ def test_a_run_that_starts_elsewhere_is_refused(bench: Any) -> None:
     assert not bench.happened(Happening.STARTED)
 
 
+class Clock:
+    """A clock that is late by a little, always."""
+
+    def __init__(self) -> None:
+        self.time = 0
+
+    def now(self) -> int:
+        return self.time
+
+    def sleep_until(self, deadline: int) -> None:
+        self.time = max(self.time, deadline) + 7
+
+
+class Recording:
+    """Eight cycles; the third takes longer than it may."""
+
+    done = False
+
+    def __init__(self, clock: Clock, third: int) -> None:
+        self.clock, self.third = clock, third
+        self.calls: list[tuple[int, int, int]] = []
+
+    def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
+        self.calls.append((number, time // 1000, skipped))
+        if number == 3:
+            self.clock.time += self.third
+        self.done = number >= 8
+
+
 def test_late_cycles_are_skipped_to_the_schedule_and_never_burst() -> None:
-    class Clock:
-        def __init__(self) -> None:
-            self.time = 0
-
-        def now(self) -> int:
-            return self.time
-
-        def sleep_until(self, deadline: int) -> None:
-            self.time = max(self.time, deadline) + 7
-
-    class Recording:
-        done = False
-
-        def __init__(self, clock: Clock) -> None:
-            self.clock, self.calls = clock, []
-
-        def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
-            self.calls.append((number, time // 1000, skipped))
-            if number == 3:
-                self.clock.time += 2500  # this cycle takes two and a half periods
-            self.done = number >= 8
-
     clock = Clock()
-    streamer = Recording(clock)
+    streamer = Recording(clock, third=2500)
     run_cycles(streamer, clock, 1000)
     numbers = [number for number, _, _ in streamer.calls]
     assert numbers == [1, 2, 3, 5, 6, 7, 8]
     assert [skipped for _, _, skipped in streamer.calls] == [0, 0, 0, 1, 0, 0, 0]
     periods = [time for _, time, _ in streamer.calls]
     assert periods == numbers
+
+
+@pytest.mark.parametrize(("third", "numbers"), [(5900, list(range(1, 9))), (7100, [1, 2, 3, 10])])
+def test_where_all_stands_still_together_the_schedule_is_moved_up_to_a_limit(
+    third: int, numbers: list[int]
+) -> None:
+    clock = Clock()
+    streamer = Recording(clock, third)
+    run_cycles(streamer, clock, 1000, standstill=5000)
+    assert [number for number, _, _ in streamer.calls] == numbers
+    times = [time for _, time, _ in streamer.calls]
+    assert all(later > earlier for earlier, later in pairwise(times))
 
 
 def test_the_path_time_bridges_a_skipped_cycle(bench: Any) -> None:

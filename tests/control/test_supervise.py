@@ -19,7 +19,7 @@ from duoglide.control.watch import Watch
 from duoglide.drives.cia402 import State
 from duoglide.drives.pdo import NmtState
 
-POLICY = Policy(heartbeat=100, following=(1000, 1000, 1000), host=500)
+POLICY = Policy(heartbeat=100, following=(1000, 1000, 1000), host=500, silence=40)
 WELL = AxisView(state=State.OPERATION_ENABLED, statusword=0x1237)
 
 
@@ -47,7 +47,8 @@ def test_nothing_follows_when_all_is_well() -> None:
         ({"following": 1001}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
         ({"statusword": 0x0237}, Condition.NOT_FOLLOWING, Reaction.QUICK_STOP),
         ({"statusword": 0x1A37}, Condition.LIMIT, Reaction.STOP_ON_PATH),
-        ({"missing": 3}, Condition.SILENT, Reaction.STOP_ON_PATH),
+        ({"missing": 3, "alone": 3}, Condition.SILENT, Reaction.STOP_ON_PATH),
+        ({"missing": 40}, Condition.SILENT, Reaction.STOP_ON_PATH),
         ({"heartbeat": 100}, Condition.HEARTBEAT, Reaction.STOP_ON_PATH),
         ({"nmt": NmtState.PRE_OPERATIONAL}, Condition.NMT, Reaction.QUICK_STOP),
         ({"booted": True}, Condition.BOOT_UP, Reaction.QUICK_STOP),
@@ -82,7 +83,7 @@ def test_what_concerns_all_of_them_has_its_row_too(
 
 
 @pytest.mark.parametrize(
-    "changes", [{"missing": 2}, {"heartbeat": 99}, {"following": 1000}], ids=str
+    "changes", [{"missing": 39, "alone": 2}, {"heartbeat": 99}, {"following": 1000}], ids=str
 )
 def test_what_is_within_its_bounds_is_bridged(changes: dict[str, int]) -> None:
     assert list(assess(observation(replace(WELL, **changes)), POLICY)) == []

@@ -26,6 +26,7 @@ class Listener:
     """A station that notes what it hears and answers SYNC."""
 
     patience = 0.005
+    abandoned = False
 
     def __init__(self) -> None:
         self.heard: list[tuple[int, bytes]] = []
@@ -39,6 +40,9 @@ class Listener:
         if can_id == 0x80:
             for node in (1, 2, 3):
                 self.send(0x180 + node, bytes(6))
+
+    def abandon(self) -> None:
+        self.abandoned = True
 
     def poll(self, now: int) -> None:
         pass
@@ -104,6 +108,19 @@ def test_messages_survive_any_cutting(sent: list[tuple[int, bytes]], cuts: list[
 def test_a_frame_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         decode_send(text.encode().split())
+
+
+def test_the_station_learns_that_whoever_sent_sync_is_gone() -> None:
+    station = Listener()
+    with running(station) as hub:
+        leader, other = connect(hub), connect(hub)
+        leader.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+        receive(other, 1)
+        other.shutdown()
+        wait_until(lambda: hub.clients == 1)
+        assert not station.abandoned
+        leader.shutdown()
+        wait_until(lambda: station.abandoned)
 
 
 def test_python_can_reads_what_the_hub_writes() -> None:

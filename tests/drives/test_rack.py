@@ -14,6 +14,11 @@ PERIOD = 2000  # [us]
 @pytest.fixture
 def rack() -> DriveRack:
     rack = build_rack(DriveSettings(), (0.0, 10.0, -20.0))
+    switch_on(rack)
+    return rack
+
+
+def switch_on(rack: DriveRack) -> None:
     rack.poll(0)
     rack.poll(PERIOD)
     for node in rack.nodes:
@@ -22,7 +27,6 @@ def rack() -> DriveRack:
     for word in (Control.SHUTDOWN, Control.SWITCH_ON, Control.ENABLE_OPERATION):
         for node in rack.nodes:
             node.objects.write(0x6040, 0, word)
-    return rack
 
 
 def cycle(rack: DriveRack, now: int, target: int, behind: int = 0) -> None:
@@ -86,6 +90,37 @@ def test_when_sync_stays_away_the_wall_clock_takes_over(rack: DriveRack) -> None
     assert stopped is not None
     assert 18_000 <= stopped <= 24_000
     assert all(s.velocity == pytest.approx(0.0, abs=1e-6) for s in rack.snapshot())
+
+
+@pytest.fixture
+def patient() -> DriveRack:
+    """Return drives that stand still with their host for up to 0.1 s, in the middle of a run."""
+    rack = build_rack(DriveSettings(), (0.0, 10.0, -20.0), standstill=0.1)
+    switch_on(rack)
+    for node in rack.nodes:
+        node.objects.write(0x1400, 5, 20)
+        node.objects.write(0x6007, 0, 3)
+        node.objects.write(0x605A, 0, 6)
+    for k in range(10):
+        cycle(rack, 10_000 + k * PERIOD, 100 * k)
+    return rack
+
+
+def test_while_the_computer_stands_still_no_time_passes_for_the_drives(patient: DriveRack) -> None:
+    last = 10_000 + 9 * PERIOD
+    patient.poll(last + 90_000)
+    for k in range(10, 15):
+        cycle(patient, last + 90_000 + (k - 10) * PERIOD, 100 * k)
+    assert demands(patient) == [100.0 * 12] * 3
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_host_that_stays_away_or_is_gone_is_missed(patient: DriveRack, gone: bool) -> None:
+    last = 10_000 + 9 * PERIOD
+    if gone:
+        patient.abandon()
+    patient.poll(last + (30_000 if gone else 101_000))
+    assert {s.state.name for s in patient.snapshot()} == {"QUICK_STOP_ACTIVE"}
 
 
 def test_drives_count_in_their_own_direction() -> None:

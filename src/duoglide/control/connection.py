@@ -22,8 +22,9 @@ from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
     from duoglide.control.ring import EventEntry
-    from duoglide.machine import Machine
+    from duoglide.machine import DriveSettings, Machine
 
+_STANDSTILL = 0.1  # [s] that this computer may stand still with the drives simulated on it
 HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
 _LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
 
@@ -44,7 +45,9 @@ class Connection:
         self._resources = ExitStack()
         self.simulated: SimulatedDrives | None = None
         if parse_bus(bus).kind is BusKind.VIRTUAL:
-            drives = SimulatedDrives(machine.drives, home_carriages(machine).tolist())
+            start = home_carriages(machine).tolist()
+            standstill = _standstill(machine.drives)
+            drives = SimulatedDrives(machine.drives, start, standstill=standstill)
             self.simulated = self._resources.enter_context(drives)
             bus = self.simulated.address
         self.bus = bus
@@ -137,12 +140,13 @@ def stream_settings(machine: Machine, shared: bool = False) -> StreamSettings:
 
     Args:
         machine: The machine.
-        shared: Whether the drives are processes on this computer. Then silence of a drive mostly
-            means that neither it nor this process was given a processor, and more is bridged, up
-            to what the drives themselves bear.
+        shared: Whether the drives are simulated on this computer. Then late cycles, and silence of
+            all drives at once, mean that a process was not given a processor; simulated time
+            stands still with it, and a run survives what real drives would have to stop for.
     """
     drives = machine.drives
-    patience = math.ceil(drives.setpoint_patience / drives.cycle) if shared else 0
+    standstill = _standstill(drives) if shared else 0.0
+    missing = drives.missing_frames + 1
     window = drives.following_error_window
     first, second, third = (
         Scale.of(drives, number).magnitude(window) for number in range(1, AXES + 1)
@@ -151,8 +155,9 @@ def stream_settings(machine: Machine, shared: bool = False) -> StreamSettings:
         heartbeat=math.ceil(drives.heartbeat_timeout / drives.cycle),
         following=(first, second, third),
         host=math.ceil(HOST_PATIENCE / drives.cycle),
-        missing=max(drives.missing_frames + 1, 2 * patience),
-        late=max(drives.late_cycles + 1, patience),
+        missing=missing,
+        silence=max(missing, math.ceil(standstill / drives.cycle)),
+        late=drives.late_cycles + 1,
     )
     return StreamSettings(
         node_ids=drives.node_ids,
@@ -160,4 +165,10 @@ def stream_settings(machine: Machine, shared: bool = False) -> StreamSettings:
         host_node=drives.host_id,
         heartbeat_every=max(1, int(drives.heartbeat_period / drives.cycle)),
         policy=policy,
+        standstill=round(standstill * 1e9),
     )
+
+
+def _standstill(drives: DriveSettings) -> float:
+    """Return for how long simulated drives stand still with their computer [s]."""
+    return max(_STANDSTILL, drives.setpoint_patience)

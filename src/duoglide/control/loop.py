@@ -18,16 +18,20 @@ class Cyclic(Protocol):
         ...
 
 
-def run_cycles(work: Cyclic, clock: Clock, period: int) -> None:
+def run_cycles(work: Cyclic, clock: Clock, period: int, standstill: int = 0) -> None:
     """Run cycles on absolute deadlines until the work is done.
 
     A cycle that begins more than a period late has missed the next ones: they are skipped, and
     the schedule stays what it was. Nothing is ever sent twice to catch up.
 
+    Where the drives are simulated on this computer and it stands still, they stand still too: the
+    schedule is moved by what was lost, and no cycle is skipped.
+
     Args:
         work: What to do.
         clock: Whose deadlines.
         period: Of the cycle [ns].
+        standstill: Up to which lateness the schedule is moved instead [ns]; 0 on real drives.
     """
     deadline, number = clock.now() + period, 0
     while not work.done:
@@ -35,6 +39,8 @@ def run_cycles(work: Cyclic, clock: Clock, period: int) -> None:
         now = clock.now()
         lateness = now - deadline
         skipped = lateness // period
+        if skipped and lateness <= standstill:
+            skipped, deadline = 0, now
         deadline += (1 + skipped) * period
         number += 1 + skipped
         work.cycle(number, now, lateness, skipped)

@@ -117,6 +117,7 @@ class StreamSettings:
         host_node: Node number that the host's heartbeat carries.
         heartbeat_every: Cycles between two heartbeats of the host.
         policy: What is bridged, and for how long.
+        standstill: For how long simulated drives on this computer stand still with it [ns].
     """
 
     node_ids: tuple[int, int, int]
@@ -124,3 +125,4 @@ class StreamSettings:
     host_node: int
     heartbeat_every: int
     policy: Policy
+    standstill: int = 0

@@ -116,7 +116,8 @@ def main(arguments: list[str]) -> int:
     granted = become_realtime()
     streamer.tell(Happening.READY, code=granted.fifo | granted.locked << 1 | granted.slack << 2)
     _answer(programs, None)
-    run_cycles(streamer, MonotonicClock(), assignment.settings.cycle)
+    settings = assignment.settings
+    run_cycles(streamer, MonotonicClock(), settings.cycle, settings.standstill)
     link.close()
     return 0
 

@@ -57,7 +57,8 @@ class Policy:
     """How much is bridged before it counts.
 
     Attributes:
-        missing: Feedbacks missing in a row.
+        missing: Feedbacks missing in a row, of one drive while another answers.
+        silence: Feedbacks missing in a row, of all drives.
         late: Late cycles in a row.
         unsent: Cycles in a row whose frames could not be sent.
         heartbeat: Age of a drive's last heartbeat [cycles].
@@ -69,6 +70,7 @@ class Policy:
     following: tuple[int, int, int]
     host: int
     missing: int = 3
+    silence: int = 3
     late: int = 3
     unsent: int = 3
 
@@ -82,6 +84,7 @@ class AxisView:
     emergency: int = 0
     following: int = 0
     missing: int = 0
+    alone: int = 0  # of those missing, while another drive answered
     heartbeat: int = 0
     nmt: int = NmtState.OPERATIONAL
     booted: bool = False
@@ -193,7 +196,7 @@ def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]
         yield Trip(Condition.FOLLOWING_ERROR, stop, number)
     if axis.statusword & _LIMIT:
         yield Trip(Condition.LIMIT, stop, number)
-    if axis.missing >= policy.missing:
+    if axis.alone >= policy.missing or axis.missing >= policy.silence:
         yield Trip(Condition.SILENT, stop, number)
     if axis.heartbeat >= policy.heartbeat:
         yield Trip(Condition.HEARTBEAT, stop, number)

@@ -26,14 +26,15 @@ class AxisTrack:
         mode: 0x6061.
         nmt: NMT state of its last heartbeat; -1 before the first.
         missing: Cycles in a row without feedback.
+        alone: Of those, the cycles in which another drive gave some.
         regular: Cycles in a row with feedback.
         silence: Cycles since its last heartbeat.
         heard: Whether feedback has ever come.
     """
 
     __slots__ = (
-        "_feedback", "actual", "boots", "emergencies", "heard", "inputs", "missing", "mode",
-        "nmt", "regular", "silence", "state", "statusword",
+        "_feedback", "actual", "alone", "boots", "emergencies", "heard", "inputs", "missing",
+        "mode", "nmt", "regular", "silence", "state", "statusword",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -44,6 +45,7 @@ class AxisTrack:
         self.mode = 0
         self.nmt = _NO_NMT
         self.missing = 0
+        self.alone = 0
         self.regular = 0
         self.silence = 0
         self.heard = False
@@ -98,7 +100,7 @@ class AxisTrack:
         if self.missing or len(queue) > 2:
             while len(queue) > 1:
                 queue.popleft()
-        self.missing, self.heard = 0, True
+        self.missing, self.alone, self.heard = 0, 0, True
         self.regular += 1
         self.statusword, self.actual = pdo.FEEDBACK.unpack_from(queue.popleft())
         try:
@@ -109,7 +111,7 @@ class AxisTrack:
     def fill(self, view: AxisView) -> None:
         """Write what the supervisor wants to know; empties the emergencies and boot-ups."""
         view.state, view.statusword = self.state, self.statusword
-        view.missing, view.heartbeat = self.missing, self.silence
+        view.missing, view.alone, view.heartbeat = self.missing, self.alone, self.silence
         view.nmt = self.nmt if self.nmt != _NO_NMT else pdo.NmtState.OPERATIONAL
         view.booted, self.boots = self.boots > 0, 0
         view.emergency = next((code for code in self.emergencies if code), 0)

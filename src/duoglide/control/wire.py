@@ -64,6 +64,15 @@ class Wire:
             self._dead = True
         for track in self.tracks:
             track.end_of_cycle(cycles)
+        first, second, third = self.tracks
+        if first.missing or second.missing or third.missing:
+            self._count_those_alone()
+
+    def _count_those_alone(self) -> None:
+        """Tell a drive that is silent from a computer on which no simulated drive runs."""
+        if any(not track.missing for track in self.tracks):
+            for track in self.tracks:
+                track.alone += bool(track.missing)
 
     def switch(self, axis: int, word: int) -> None:
         """Send the outputs of one axis (index) with the frames of this cycle."""

@@ -35,6 +35,9 @@ class Station(Protocol):
     def poll(self, now: int) -> None:
         """Let time pass."""
 
+    def abandon(self) -> None:
+        """Learn that the client that sent SYNC is gone."""
+
 
 class _Client:
     """One connection."""
@@ -47,6 +50,7 @@ class _Client:
         self.listens = False
         self.raw_since = 0.0
         self.settled = False
+        self.leads = False  # sends SYNC
 
     def flush(self) -> bool:
         """Write what can be written; False if the client is gone or does not read."""
@@ -154,6 +158,8 @@ class Hub:
         client = self._clients.pop(descriptor)
         self._epoll.unregister(descriptor)
         client.socket.close()
+        if client.leads:
+            self._station.abandon()
 
     def _read(self, descriptor: int) -> None:
         client = self._clients[descriptor]
@@ -171,7 +177,9 @@ class Hub:
         syncs = sum(map(_is_sync, waiting))
         for words in waiting:
             if words[0] == b"send":
-                syncs -= _is_sync(words)
+                if _is_sync(words):
+                    client.leads = True
+                    syncs -= 1
                 self._frame(client, words, now, syncs)
             else:
                 self._answer(client, words[0])

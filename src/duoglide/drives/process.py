@@ -64,8 +64,8 @@ def main(descriptor: int) -> None:
         descriptor: Of the pipe to the parent; the first thing in it is the job.
     """
     pipe = Connection(descriptor)
-    settings, positions, bus, plants = pipe.recv()
-    rack = build_rack(settings, positions, plants)
+    settings, positions, bus, plants, standstill = pipe.recv()
+    rack = build_rack(settings, positions, plants, standstill=standstill)
     control = _Control(pipe, rack)
     _be_prompt()
     try:

@@ -5,6 +5,10 @@ number of periods of 0x60C2 passes for them, however the host's scheduler shakes
 one, and one more for each SYNC that the host has left out: for each whole period that the wall
 clock has gone on and for which no SYNC waits behind this one. When SYNC stays away the wall clock
 takes over, and with it the drives' own watchdogs.
+
+Where the host is another process of this computer and moves its schedule when the computer stands
+still, the drives stand still with it: one period passes from each SYNC to the next, and the wall
+clock takes over only after a longer silence, or once the host's connection is gone.
 """
 
 from __future__ import annotations
@@ -44,10 +48,17 @@ class DriveSnapshot:
 
 
 class DriveRack:
-    """Drives that share a bus and a clock."""
+    """Drives that share a bus and a clock.
 
-    def __init__(self, nodes: Sequence[DriveNode]) -> None:
+    Args:
+        nodes: The drives.
+        standstill: For how long the drives stand still with their host [s]; 0 for one that leaves
+            SYNCs out when it is late, as a host of real drives does.
+    """
+
+    def __init__(self, nodes: Sequence[DriveNode], standstill: float = 0.0) -> None:
         self.nodes = tuple(nodes)
+        self._standstill = round(standstill * 1e6)
         self._by_id = {node.node_id: node for node in nodes}
         self._wall: int | None = None  # the moment up to which time has passed [us]
         self._last_sync: int | None = None
@@ -81,17 +92,24 @@ class DriveRack:
     def poll(self, now: int) -> None:
         """Let the wall clock pass; call it once no frame is waiting."""
         if self._last_sync is not None:
-            silence = (now - self._last_sync) / self._period
-            if silence <= _LATE:
+            silence = now - self._last_sync
+            if silence <= max(_LATE * self._period, self._standstill):
                 return
-            if silence > _UNLOCKED:
+            if silence > max(_UNLOCKED * self._period, self._standstill):
                 self._last_sync = None
         self._pass_to(now)
+
+    def abandon(self) -> None:
+        """Whoever sent SYNC is gone: from now on it is the wall clock that counts."""
+        self._last_sync = None
 
     def _synchronise(self, now: int, behind: int) -> None:
         self._period = max([node.axis.period for node in self.nodes])
         if self._last_sync is None or self._wall is None or self._since_sync >= self._period:
             self._pass_to(now)
+        elif self._standstill:
+            self._pass(self._period - self._since_sync)
+            self._wall = now
         else:
             gone = int((now - self._wall) / self._period + 1.0 - _TARDY)
             periods = max(gone - behind, 1)

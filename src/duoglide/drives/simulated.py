@@ -42,6 +42,7 @@ def build_rack(
     positions: Sequence[float],
     plants: Sequence[PlantParameters] | None = None,
     make_axis: Callable[[], AxisApplication] = HomingAxis,
+    standstill: float = 0.0,
 ) -> DriveRack:
     """Build the three drives of a machine, switched on and not homed.
 
@@ -50,6 +51,7 @@ def build_rack(
         positions: Where the carriages stand [mm], three values.
         plants: What hangs on each drive; three, or None for the default.
         make_axis: Makes the firmware's application of one drive.
+        standstill: For how long they stand still with their host; see ``DriveRack`` [s].
     """
     nodes = []
     for i, node_id in enumerate(settings.node_ids):
@@ -58,7 +60,7 @@ def build_rack(
         plant = Plant(_with_switch(parameters, settings, i))
         plant.position = float(positions[i])
         nodes.append(DriveNode(node_id, make_axis, plant, scale))
-    return DriveRack(nodes)
+    return DriveRack(nodes, standstill)
 
 
 def _with_switch(parameters: PlantParameters, settings: DriveSettings, i: int) -> PlantParameters:
@@ -119,6 +121,7 @@ class SimulatedDrives:
         positions: Where the carriages stand [mm], three values.
         bus: ``virtual`` starts a hub; any other name is opened and served.
         plants: What hangs on each drive; three, or None for the default.
+        standstill: For how long they stand still with their host; see ``DriveRack`` [s].
     """
 
     def __init__(
@@ -128,9 +131,10 @@ class SimulatedDrives:
         *,
         bus: str = "virtual",
         plants: Sequence[PlantParameters] | None = None,
+        standstill: float = 0.0,
     ) -> None:
         parse_bus(bus)
-        self._job = (settings, tuple(map(float, positions)), bus, plants)
+        self._job = (settings, tuple(map(float, positions)), bus, plants, standstill)
         self._address = ""
 
     def __enter__(self) -> SimulatedDrives:
