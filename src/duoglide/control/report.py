@@ -11,11 +11,14 @@ import numpy as np
 
 from duoglide.arrays import AXES
 from duoglide.control.happenings import event_record, trip_of
+from duoglide.control.history import History, HistoryTally
 from duoglide.control.orders import Happening
 from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.storage.records import EventRecord, Phase
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from duoglide.control.scale import Scales, Triple
     from duoglide.control.supervise import Trip
 
@@ -59,6 +62,7 @@ class RunReport:
         events: Everything that happened, with its time on the monotonic clock [s].
         dropped: Records that the host was too slow to take; they are missing in the log.
         log: Where the log is; None if none was asked for.
+        history: How following error and lateness went.
     """
 
     completed: bool
@@ -74,6 +78,22 @@ class RunReport:
     events: tuple[tuple[float, EventRecord], ...]
     dropped: int = 0
     log: Path | None = None
+    history: History = field(default_factory=History, compare=False)
+
+    def plot(self) -> Figure:
+        """Draw the worst following error and lateness over the time of the run.
+
+        Returns:
+            A matplotlib figure; a notebook shows it, ``savefig`` writes it.
+        """
+        from duoglide.control.report_picture import plot
+
+        return plot(self)
+
+    def _repr_html_(self) -> str:
+        from duoglide.control.report_picture import report_html
+
+        return report_html(self)
 
     def __repr__(self) -> str:
         end = "completed" if self.completed else f"stopped at path time {self.path_time:.3f} s"
@@ -126,6 +146,7 @@ class Tally:
     completed: bool = False
     faults: list[Trip] = field(default_factory=list)
     events: list[tuple[float, EventRecord]] = field(default_factory=list)
+    history: HistoryTally = field(default_factory=HistoryTally)
 
     def add_cycle(self, entry: CycleEntry) -> None:
         """Count a cycle."""
@@ -134,6 +155,7 @@ class Tally:
         self.lost += entry.missing.bit_count()
         self.first = self.first or entry.time
         self.last = entry.time
+        self.history.add(entry.time, entry.following, entry.lateness)
         for axis, error in enumerate(entry.following):
             self.worst[axis] = max(self.worst[axis], abs(error))
         if entry.run == self.program and entry.phase in (Phase.PROGRAM, Phase.STOP):
@@ -168,4 +190,5 @@ class Tally:
             events=tuple(self.events),
             dropped=dropped,
             log=log,
+            history=self.history.history(np.abs(scales.mm((1, 1, 1)))),
         )

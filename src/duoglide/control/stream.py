@@ -93,7 +93,7 @@ class Streamer:
         first, second, third = self._tracks
         actual = (first.actual, second.actual, third.actual)
         a, b, c = (
-            due if self._enabled and not track.missing else track.actual
+            due if self._enabled and track.certain else track.actual
             for due, track in zip(self._sent[0], self._tracks, strict=True)
         )
         path_time, rate, phase, state = self._pace

@@ -13,6 +13,7 @@ from duoglide.drives.cia402 import decode as decode_state
 from duoglide.errors import DriveError
 
 _NO_NMT = -1
+_SETTLING = 3  # cycles with feedback after which it surely answers the SYNC before
 
 
 class AxisTrack:
@@ -59,6 +60,16 @@ class AxisTrack:
         return self.mode == Mode.HOMING
 
     @property
+    def certain(self) -> bool:
+        """Whether the feedback surely answers the SYNC before: the first after a gap may not."""
+        return self.regular > 1
+
+    @property
+    def settled(self) -> bool:
+        """Whether feedback has been regular for so long that it may be judged."""
+        return self.regular > _SETTLING
+
+    @property
     def follows(self) -> bool:
         """Whether the drive is under power and not busy with homing."""
         return self.state is State.OPERATION_ENABLED and not self.homing
@@ -89,7 +100,8 @@ class AxisTrack:
         """Take the feedback that belongs to the SYNC before the one just sent.
 
         A second one in the same cycle answers the SYNC just sent (this process was held up) and is
-        kept; but after a gap it is the late answer that is passed over.
+        kept; but after a gap, until all is regular again, it is the late answers that are passed
+        over: whoever kept them would be behind by a cycle from then on.
         """
         self.silence += cycles
         queue = self._feedback
@@ -97,7 +109,7 @@ class AxisTrack:
             self.missing += 1
             self.regular = 0
             return
-        if self.missing or len(queue) > 2:
+        if not self.settled or len(queue) > 2:
             while len(queue) > 1:
                 queue.popleft()
         self.missing, self.alone, self.heard = 0, 0, True

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from duoglide.control.scale import IntTriple
     from duoglide.control.tracks import AxisTrack
 
-_SETTLING = 3  # cycles with feedback after which it surely answers the SYNC before
-
 
 class Watch:
     """Fills in an observation every cycle and keeps what has tripped.
@@ -43,7 +41,7 @@ class Watch:
         for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
             track.fill(view)
             # an old position proves nothing, and after a gap the answer may be to an earlier SYNC
-            known = due is not None and track.regular > _SETTLING
+            known = due is not None and track.settled
             view.following = abs(track.actual - due[index]) if due and known else 0
             if track.homing:
                 view.statusword = view.following = 0  # bits 12 and 13 mean something else there

@@ -74,7 +74,8 @@ class RunData:
     def following_error(self) -> FloatArray:
         """Actual position minus the setpoint that should be reached then [mm], shape (n, 3).
 
-        NaN where the log does not hold that setpoint, or the drive's answer did not come.
+        NaN where the log does not hold that setpoint, where the drive's answer did not come, and
+        in the cycle after that.
         """
         error = np.full((len(self), AXES), np.nan)
         if len(self) == 0:
@@ -82,8 +83,10 @@ class RunData:
         row = np.searchsorted(self.cycle, self.cycle - SETPOINT_DELAY)
         known = self.cycle[row] == self.cycle - SETPOINT_DELAY
         error[known] = (self.actual_mm - self.setpoint_mm[row])[known]
+        unsure = self.missing.copy()
+        unsure[1:] |= self.missing[:-1]  # the first answer after a gap may be to an earlier SYNC
         for axis in range(AXES):
-            error[(self.missing >> axis) & 1 == 1, axis] = np.nan
+            error[(unsure >> axis) & 1 == 1, axis] = np.nan
         return error
 
 

@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+from duoglide.control.tracks import AxisTrack
+from duoglide.drives import pdo
+
+
+def hear(track: AxisTrack, *syncs: int) -> int:
+    """Let a cycle end in which the answers to these SYNCs came; return the one that counts."""
+    for sync in syncs:
+        track.on_feedback(pdo.FEEDBACK.pack(0x1637, sync))
+    track.end_of_cycle(1)
+    return track.actual
+
+
+def regular() -> AxisTrack:
+    track = AxisTrack()
+    for sync in range(1, 10):
+        assert hear(track, sync) == sync
+    return track
+
+
+def test_an_answer_that_is_early_belongs_to_the_next_cycle() -> None:
+    track = regular()
+    assert [hear(track, 10, 11), hear(track), hear(track, 12)] == [10, 11, 12]
+
+
+def test_after_answers_that_came_late_it_does_not_stay_behind() -> None:
+    """The drives' process was held up; its last two answers come in one cycle."""
+    track = regular()
+    hear(track)
+    hear(track)
+    assert not track.certain
+    hear(track, 10, 11)  # 12 is due
+    assert not track.certain
+    assert [hear(track, 12, 13), hear(track, 14), hear(track, 15)] == [13, 14, 15]
+    assert track.certain
+
+
+def test_what_came_after_a_gap_is_judged_only_once_it_is_regular() -> None:
+    track = regular()
+    assert track.settled
+    hear(track)
+    seen = []
+    for sync in range(11, 16):
+        hear(track, sync)
+        seen.append(track.settled)
+    assert seen == [False, False, False, True, True]
