@@ -58,9 +58,15 @@ if TYPE_CHECKING:
     from duoglide.motion.trajectory import State as State
     from duoglide.motion.trajectory import Trajectory as Trajectory
     from duoglide.planning.check import check_path as check_path
+    from duoglide.planning.jog import Jog as Jog
+    from duoglide.planning.jog import JogLimits as JogLimits
+    from duoglide.planning.pick_and_place import chain as chain
     from duoglide.planning.pick_and_place import pick_and_place as pick_and_place
+    from duoglide.planning.pick_and_place import picks as picks
     from duoglide.planning.plan import plan as plan
+    from duoglide.planning.program_planner import plan_program as plan_program
     from duoglide.planning.programs import read_program as read_program
+    from duoglide.planning.recover import recover as recover
     from duoglide.planning.transfer import transfer as transfer
     from duoglide.playback.replay import replay as replay
 
@@ -102,9 +108,12 @@ _HOMES = {
     "motion.path": ("Path",),
     "motion.trajectory": ("State", "Trajectory"),
     "planning.check": ("check_path",),
-    "planning.pick_and_place": ("pick_and_place",),
+    "planning.jog": ("Jog", "JogLimits"),
+    "planning.pick_and_place": ("chain", "pick_and_place", "picks"),
     "planning.plan": ("plan",),
+    "planning.program_planner": ("plan_program",),
     "planning.programs": ("read_program",),
+    "planning.recover": ("recover",),
     "planning.transfer": ("transfer",),
     "playback.replay": ("replay",),
 }

@@ -122,6 +122,12 @@ def test_a_broken_file_is_refused_with_file_key_value_and_rule(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("path", [None, 5, b"cell.toml", ["cell.toml"]])
+def test_what_is_no_path_is_refused_as_a_machine_file(path: object) -> None:
+    with pytest.raises(dg.ConfigError, match="must be the path of a TOML file"):
+        dg.Machine.load(path)  # type: ignore[arg-type]
+
+
 def test_a_file_that_cannot_be_read_or_written_is_refused(
     machine: dg.Machine, tmp_path: Path
 ) -> None:

@@ -63,6 +63,12 @@ def test_sample_ends_with_the_end(move: dg.Trajectory) -> None:
         move.sample(0.0)
 
 
+@pytest.mark.parametrize("period", [1e-300, 5e-324, 1e-12])
+def test_more_samples_than_memory_holds_are_refused(move: dg.Trajectory, period: float) -> None:
+    with pytest.raises(dg.InputError, match="10000000 samples"):
+        move.sample(period)
+
+
 def test_a_saved_plan_comes_back_to_the_last_bit(move: dg.Trajectory, tmp_path: Path) -> None:
     move.save(tmp_path / "plan.mcap")
     again = dg.Trajectory.load(tmp_path / "plan.mcap")

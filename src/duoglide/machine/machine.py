@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -90,12 +91,14 @@ class Machine:
         return cls()
 
     @classmethod
-    def load(cls, path: str | Path) -> Machine:
+    def load(cls, path: str | os.PathLike[str]) -> Machine:
         """Read a machine from a TOML file; a key left out takes its default.
 
         Raises:
-            ConfigError: No such file, not TOML, an unknown key, or a broken rule.
+            ConfigError: Not a path, no such file, not TOML, an unknown key, or a broken rule.
         """
+        if not isinstance(path, str | os.PathLike):
+            raise ConfigError(f"machine file {path!r}: must be the path of a TOML file")
         try:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from duoglide.motion.audit import Audit
 
 _STILL = 1e-6  # mm/s
+_MOST_SAMPLES = 10_000_000  # some gigabytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,11 +128,17 @@ class Trajectory:
             period: Between two samples [s]; the last step may be shorter.
 
         Raises:
-            InputError: Not a finite number above zero.
+            InputError: Not a finite number above zero, or so small that there would be more than
+                ten million samples.
         """
         step = as_number(period, "period")
         if step <= 0.0:
             raise InputError(f"period = {step:g} s: must be above zero")
+        if self.duration > _MOST_SAMPLES * step:
+            raise InputError(
+                f"period = {step:g} s: makes more than {_MOST_SAMPLES} samples of {self.duration:g}"
+                f" s; take at least {self.duration / _MOST_SAMPLES:.3g} s, or parts of it with at()"
+            )
         count = int(np.ceil(self.duration / step * (1.0 - 1e-12)))
         times = np.minimum(np.arange(count + 1) * step, self.duration)
         return times, self.at(times)
