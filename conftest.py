@@ -7,6 +7,11 @@ from pathlib import Path
 import pytest
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what belongs together and takes longest, so that both workers end together."""
+    items.sort(key=lambda item: item.get_closest_marker("browser") is None)
+
+
 @pytest.fixture(autouse=True)
 def _doctests_leave_nothing_behind(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
