@@ -130,6 +130,14 @@ def test_objects_that_the_machine_file_calls_absent_are_not_written(
     axis.close()
 
 
+def test_a_drive_that_counts_syncs_is_told_not_to(axis: Axis) -> None:
+    axis.write(0x1019, 0, 10)
+    axis.write(0x1006, 0, 4000)
+    axis.configure()
+    assert axis.read(0x1019) == 0
+    assert axis.read(0x1006) == 2000
+
+
 def test_a_value_that_the_drive_changes_is_noticed(drives: SimulatedDrives, axis: Axis) -> None:
     with pytest.raises(DriveError, match="0x6065:0 was written as 15000 but reads 1234"):
         original = axis.read

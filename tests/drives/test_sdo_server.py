@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from duoglide.drives.firmware import FirmwareAxis
+from duoglide.drives.node_memory import ParameterMemory
 from duoglide.drives.node_objects import NodeObjects, read_variables
 from duoglide.drives.sdo_server import SdoServer
 
@@ -12,7 +13,7 @@ READ_NAME = bytes((0x40, 0x08, 0x10, 0x00)) + bytes(4)
 class Client:
     def __init__(self) -> None:
         self.answers: list[bytes] = []
-        self.objects = NodeObjects(read_variables(1), FirmwareAxis())
+        self.objects = NodeObjects(read_variables(1), FirmwareAxis(), ParameterMemory())
         self.server = SdoServer(self.objects, self.answers.append)
 
     def ask(self, *data: int) -> bytes:

@@ -9,6 +9,7 @@ import pytest
 
 from duoglide.drives.cia402 import State, emergency_words
 from duoglide.drives.firmware_objects import error_register
+from duoglide.drives.linear_axis import object_dictionary
 from duoglide.machine import DriveSettings
 
 README = (Path(__file__).parents[2] / "firmware_interface" / "README.md").read_text()
@@ -42,10 +43,10 @@ def test_the_table_of_states_is_the_one_in_the_code() -> None:
 
 def test_every_emergency_code_has_words_and_the_register_that_the_table_says() -> None:
     rows = re.findall(r"^\| 0x(\w{4}) \| 0x(\w\w) \|", README, re.MULTILINE)
-    assert len(rows) == 9
+    assert len(rows) == 10
     for code, register in ((int(c, 16), int(r, 16)) for c, r in rows):
         assert "not named" not in emergency_words(code)
-        if code != 0x8210:  # of the communication, not of the application
+        if code not in (0x8210, 0x8240):  # of the communication, not of the application
             assert error_register(code) == register
 
 
@@ -56,3 +57,11 @@ def test_the_braking_distance_of_the_example_is_right() -> None:
     assert f"({4000.0 * settings.cycle:.0f} mm)" in README
     assert "20 ms" in README
     assert settings.setpoint_timeout == 0.02
+
+
+def test_every_object_of_the_communication_profile_is_explained() -> None:
+    section = README.split("## Communication objects")[1].split("\n## ")[0]
+    explained = {int(word, 16) for word in re.findall(r"0x(1\w{3})", section.split("Left out")[0])}
+    assert explained >= {index for index in object_dictionary(1) if 0x1000 <= index < 0x1400}
+    left_out = {int(word, 16) for word in re.findall(r"0x(1\w{3})", section.split("Left out")[1])}
+    assert not left_out & set(object_dictionary(1))

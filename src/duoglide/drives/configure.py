@@ -140,11 +140,24 @@ def configure(drive: DriveObjects, travel: tuple[float, float] | None) -> None:
     for wanted in PDO_MAPS:
         if all(drive.has(index) for index, _, _ in wanted.entries):
             map_pdo(drive, wanted)
+    if _counts_syncs(drive):
+        drive.write(0x1006, 0, 0)  # with a cycle set, a drive must not change its counter
+        drive.write_checked(0x1019, 0, 0)
     for index, sub, value in _settings(drive, travel):
         if drive.has(index):
             drive.write_checked(index, sub, value)
     for index, sub, value, size in drive.quirks.writes:
         drive.write_bytes(index, sub, value.to_bytes(size, "little", signed=value < 0))
+
+
+def _counts_syncs(drive: DriveObjects) -> bool:
+    """Whether a drive expects SYNC with a counter, which the host's is without."""
+    if not drive.has(0x1019):
+        return False
+    try:
+        return drive.read(0x1019) != 0
+    except SdoRefusalError:  # optional in CiA 301
+        return False
 
 
 def map_pdo(drive: DriveObjects, wanted: PdoMap) -> None:

@@ -12,6 +12,7 @@ from math import floor
 
 from duoglide.drives import pdo
 from duoglide.drives.application import AxisApplication
+from duoglide.drives.node_memory import ParameterMemory
 from duoglide.drives.node_objects import NodeObjects, read_variables
 from duoglide.drives.node_pdo import ProcessData
 from duoglide.drives.pdo import Nmt, NmtState
@@ -20,6 +21,7 @@ from duoglide.drives.sdo_server import SdoServer
 from duoglide.drives.watchdogs import HEARTBEAT_LOST
 
 Send = Callable[[int, bytes], None]
+_SYNC_LENGTH = 0x8240
 _TICK = 2000  # longest step of the application under power [us]
 _IDLE_TICK = 5000
 
@@ -55,18 +57,20 @@ class DriveNode:
         self.send: Send = _nowhere
         self._make_axis = make_axis
         self._variables = read_variables(node_id)
+        self._memory = ParameterMemory()
         self._boot_wait = 0.0  # [us]
         self._clock = 0  # [us]
         self._power_up()
 
     def _power_up(self) -> None:
         self.axis = self._make_axis()
-        self.objects = NodeObjects(self._variables, self.axis)
+        self.objects = NodeObjects(self._variables, self.axis, self._memory)
         self.process_data = ProcessData(self.objects, self.axis, self.node_id)
         self._sdo = SdoServer(self.objects, self._reply)
         self._sdo_queue: list[tuple[float, bytes]] = []  # when to serve, request
         self._zero = self.plant.position  # the encoder counts from where it was switched on
         self._heartbeat_age = 0
+        self._odd_sync = False  # SYNC with a length that was not agreed
         self.state = NmtState.BOOT_UP
         self._boot_wait = 1e6 * self.wrong.boot_delay
         self.axis.tick(0, 0)
@@ -81,7 +85,7 @@ class DriveNode:
         if self.state is NmtState.BOOT_UP:
             return
         if can_id == pdo.SYNC:
-            self._sync()
+            self._sync(len(data))
         elif can_id == pdo.NMT:
             if len(data) >= 2 and data[1] in (0, self.node_id):
                 self._command(data[0])
@@ -97,9 +101,14 @@ class DriveNode:
                 return
             self._report(self.process_data.receive(can_id, data))
 
-    def _sync(self) -> None:
+    def _sync(self, length: int) -> None:
         if self.state is not NmtState.OPERATIONAL:
             return
+        if length != (1 if self.objects.read(0x1019, 0) else 0):  # with a counter, or without
+            self._report(0 if self._odd_sync else _SYNC_LENGTH)
+            self._odd_sync = True
+            return
+        self._odd_sync = False
         self.axis.sync()
         self._send_all(self.process_data.sync())  # values as they are at this SYNC ...
         self.process_data.latch()  # ... and the setpoint that came before it
@@ -117,7 +126,7 @@ class DriveNode:
         """Obey an NMT command (CiA 301 figure 49)."""
         if command == Nmt.START and self.state is not NmtState.OPERATIONAL:
             self._enter(NmtState.OPERATIONAL)
-            self._send_all(self.process_data.events(everything=True))
+            self._send_all(self.process_data.events(0))
         elif command == Nmt.STOP:
             self._enter(NmtState.STOPPED)
         elif command == Nmt.ENTER_PRE_OPERATIONAL:
@@ -149,6 +158,7 @@ class DriveNode:
     def _report(self, code: int) -> None:
         """Send an EMCY for an error of communication that is not the application's."""
         if code:
+            self.objects.remember_error(code)
             self.send(pdo.EMCY + self.node_id, pdo.pack_emergency(code, 0x11))
 
     # -- time ---------------------------------------------------------------------------------
@@ -168,7 +178,7 @@ class DriveNode:
         self._beat(passed)
         self._serve_sdo()
         if self.state is NmtState.OPERATIONAL:
-            self._send_all(self.process_data.events())
+            self._send_all(self.process_data.events(passed))
 
     def _step(self, dt: int) -> None:
         seconds = dt * 1e-6

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from duoglide.drives import pdo
 from duoglide.drives.application import AxisApplication
@@ -15,15 +15,22 @@ _TIMED = 254  # transmission types from here on act on events
 
 @dataclass(slots=True)
 class Channel:
-    """One PDO as it is configured."""
+    """One PDO as it is configured; two are equal if they are configured alike."""
 
     can_id: int
     every: int  # transmission type: 1 to 240 every n-th SYNC, 254 and 255 on events
     entries: tuple[tuple[int, int, int], ...]  # index, subindex, bits
-    size: int
-    waiting: bytes = b""  # received, not yet acted upon
-    sent: bytes = b""  # last value, to see a change
-    count: int = 0  # SYNCs since the last one sent
+    inhibit: int = 0  # least time between two transmissions on events [us]
+    timer: int = 0  # longest time between them; 0: no limit [us]
+    waiting: bytes = field(default=b"", compare=False)  # received, not yet acted upon
+    sent: bytes = field(default=b"", compare=False)  # last value, to see a change
+    age: int = field(default=0, compare=False)  # since it was sent [us]
+    count: int = field(default=0, compare=False)  # SYNCs since the last one sent
+
+    @property
+    def size(self) -> int:
+        """How many bytes it has."""
+        return sum(bits for *_, bits in self.entries) // 8
 
     @property
     def cyclic(self) -> bool:
@@ -42,28 +49,34 @@ class ProcessData:
         self._transmit: list[Channel] = []
 
     def _configure(self) -> None:
+        """Look at the parameters again; a PDO that they leave alone goes on as it was."""
         self._objects.map_changed = False
-        received = [self._channel(0x1400 + i, 0x1600 + i) for i in (0, 1)]
-        self._receive = {c.can_id: c for c in received if c is not None}
-        sent = [self._channel(0x1800 + i, 0x1A00 + i) for i in (0, 1)]
-        self._transmit = [c for c in sent if c is not None]
+        before = [*self._receive.values(), *self._transmit]
+        channels = [self._channel(base + i) for base in (0x1400, 0x1800) for i in (0, 1)]
+        kept = [before[before.index(c)] if c in before else c for c in channels]
+        self._receive = {c.can_id: c for c in kept[:2] if c is not None}
+        self._transmit = [c for c in kept[2:] if c is not None]
 
-    def _channel(self, parameters: int, mapping: int) -> Channel | None:
-        read = self._objects.read
+    def _channel(self, parameters: int) -> Channel | None:
+        read, mapping = self._objects.read, parameters + 0x200
         cob_id = read(parameters, 1)
         raw = [read(mapping, i + 1) for i in range(read(mapping, 0))]
         entries = tuple((e >> 16, e >> 8 & 0xFF, e & 0xFF) for e in raw)
         if cob_id & _INVALID or not entries:
             return None
-        size = sum(bits for *_, bits in entries) // 8
-        return Channel(cob_id & 0x7FF, read(parameters, 2), entries, size)
+        sends = parameters >= 0x1800
+        inhibit, timer = (read(parameters, 3), read(parameters, 5)) if sends else (0, 0)
+        return Channel(cob_id & 0x7FF, read(parameters, 2), entries, 100 * inhibit, 1000 * timer)
 
     def forget(self) -> None:
         """Drop what waits, on a change of NMT state."""
+        self._receive, self._transmit = {}, []
         self._configure()
 
     def listens(self, can_id: int) -> bool:
         """Whether a frame is one of this drive's RPDOs."""
+        if self._objects.map_changed:
+            self._configure()
         return can_id in self._receive
 
     def receive(self, can_id: int, data: bytes) -> int:
@@ -99,6 +112,8 @@ class ProcessData:
 
     def sync(self) -> list[tuple[int, bytes]]:
         """Return the frames that this SYNC asks for."""
+        if self._objects.map_changed:
+            self._configure()
         frames = []
         for channel in self._transmit:
             if channel.cyclic:
@@ -108,15 +123,24 @@ class ProcessData:
                     frames.append((channel.can_id, self._pack(channel)))
         return frames
 
-    def events(self, everything: bool = False) -> list[tuple[int, bytes]]:
-        """Return the frames of event-driven PDOs whose values have changed."""
+    def events(self, dt: int) -> list[tuple[int, bytes]]:
+        """Let ``dt`` [us] pass; return the event-driven frames that are due.
+
+        A PDO is sent when its value has changed, and when its event timer is over, but not before
+        its inhibit time is.
+        """
+        if self._objects.map_changed:
+            self._configure()
         frames = []
         for channel in self._transmit:
-            if not channel.cyclic:
-                data = self._pack(channel)
-                if everything or data != channel.sent:
-                    channel.sent = data
-                    frames.append((channel.can_id, data))
+            if channel.cyclic:
+                continue
+            channel.age += dt
+            data = self._pack(channel)
+            due = data != channel.sent or 0 < channel.timer <= channel.age
+            if due and (channel.age >= channel.inhibit or not channel.sent):
+                channel.sent, channel.age = data, 0
+                frames.append((channel.can_id, data))
         return frames
 
     def _pack(self, channel: Channel) -> bytes:

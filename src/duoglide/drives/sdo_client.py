@@ -44,6 +44,8 @@ ABORT_WORDS = {
     0x08000020: "cannot be stored",
     0x08000021: "local control prevents it",
     0x08000022: "not in this state of the device",
+    0x08000023: "no object dictionary",
+    0x08000024: "no data available",
 }
 
 
