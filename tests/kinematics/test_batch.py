@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.kinematics import _batch, _kernels
+from duoglide.kinematics import _batch, _kernels, constants
 
 
 def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
@@ -29,12 +29,12 @@ def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
 
 def test_the_loops_say_the_same_uncompiled(geometry: dg.Geometry) -> None:
     position = np.array([[-41.0, 3.0, 302.0], [20.0, -5.0, 300.0]])
-    k = _kernels.pose_constants(geometry, dg.WorkingMode())
+    k = constants.pose_constants(geometry, dg.WorkingMode())
     carriages = np.empty(6)
     assert _kernels.inverse_loop(position.ravel(), carriages, k) == 0
     np.testing.assert_array_equal(carriages.reshape(2, 3), dg.inverse(geometry, position))
     back = np.empty(6)
-    assembly = _kernels.carriage_constants(geometry, dg.AssemblyMode())
+    assembly = constants.carriage_constants(geometry, dg.AssemblyMode())
     assert _kernels.forward_loop(carriages, back, assembly) == 0
     np.testing.assert_allclose(back.reshape(2, 3), position, rtol=0, atol=1e-10)
     sides = np.empty(8)

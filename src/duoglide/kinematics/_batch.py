@@ -12,16 +12,17 @@ from numpy.typing import ArrayLike
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.kinematics import _kernels as kernels
 from duoglide.kinematics._compiled import compiled
-from duoglide.kinematics._kernels import Constants
+from duoglide.kinematics.constants import Constants
 
 WORTH_LOADING = 50_000  # poses, from which loading numba (half a second) pays
 WORTH_CALLING = 500  # poses, from which it pays once it is loaded
 DOUBLE = np.dtype(np.float64)
-ARRAY, EMPTY, ONE_POSE = np.ndarray, np.empty, (3,)
+ARRAY, FLOAT, EMPTY, ONE_POSE = np.ndarray, float, np.empty, (3,)
 
 _inverse_columns = kernels.in_numpy(kernels.inverse_pose)
 _forward_columns = kernels.in_numpy(kernels.forward_pose)
 _margins_columns = kernels.in_numpy(kernels.margins_pose)
+_legs_columns = kernels.in_numpy(kernels.legs_pose)
 
 
 def inverse_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
@@ -55,6 +56,16 @@ def margins_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
     return out, bool((out[0] >= 0.0).all() and (np.abs(out[1]) <= k[3]).all())
 
 
+def legs_many(rise: FloatArray, k: Constants) -> tuple[FloatArray, FloatArray]:
+    """Return what ``legs_pose`` does, each of the shape of ``rise``."""
+    if not _pays(rise.size):
+        left, spread = _legs_columns(rise, k)
+        return left, spread
+    out = np.empty((2, *rise.shape))
+    _compiled(kernels.legs_loop)(rise.reshape(-1), out.reshape(-1), k)
+    return out[0], out[1]
+
+
 def as_pose(value: Any) -> Sequence[float]:
     """Return the three floats of what is plainly one pose, nothing for anything else."""
     kind = type(value)
@@ -64,8 +75,8 @@ def as_pose(value: Any) -> Sequence[float]:
             return pose
     elif (kind is tuple or kind is list) and len(value) == 3:
         x, y, z = value
-        if type(x) is float and type(y) is float and type(z) is float:
-            return x, y, z
+        if type(x) is type(y) is type(z) is FLOAT:
+            return value  # type: ignore[no-any-return]  # seen
     return ()
 
 
@@ -93,8 +104,13 @@ def as_batch(value: ArrayLike, name: str, last_axis: str = "(x, y, z)") -> Float
 
 def compiles(array: FloatArray) -> bool:
     """Whether a batch is large enough for the compiled loops; they check that it is finite."""
+    return _pays(array.size // 3)
+
+
+def _pays(poses: int) -> bool:
+    """Whether compiled loops are quicker than numpy for so many poses."""
     loaded = _compiled.cache_info().currsize > 0
-    return array.size >= 3 * (WORTH_CALLING if loaded else WORTH_LOADING)
+    return poses >= (WORTH_CALLING if loaded else WORTH_LOADING)
 
 
 def _run(loop: Callable[..., int], array: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
@@ -123,5 +139,10 @@ def _register() -> None:
     """Let compiled code call the kernels, which stay plain functions for everyone else."""
     from numba.extending import register_jitable
 
-    for kernel in (kernels.inverse_pose, kernels.forward_pose, kernels.margins_pose):
+    for kernel in (
+        kernels.inverse_pose,
+        kernels.forward_pose,
+        kernels.margins_pose,
+        kernels.legs_pose,
+    ):
         register_jitable(kernel)

@@ -9,7 +9,8 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import SingularityError, UnreachableError
-from duoglide.kinematics._kernels import SINGULAR, Constants
+from duoglide.kinematics._kernels import SINGULAR
+from duoglide.kinematics.constants import Constants
 
 EPSILON = 2.0**-52
 INDETERMINATE = {
@@ -56,7 +57,7 @@ def loops_of(carriages: FloatArray, k: Constants) -> Loops:
 
     The formulas are those of ``forward_pose``, up to its square roots of what may be negative here.
     """
-    l2, l3, F1, lift, l6, l9, _xb, _zb, m, _n = k
+    l2, l3, F1, lift, l6, l9, _xb, _zb, m, *_ = k
     a1, a2, a3 = (carriages[..., i] for i in range(3))
     noise = EPSILON * (np.abs(a1) + np.abs(a2) + np.abs(a3) + l3 + l2 + l9)
     B = a2 - a1 - l3

@@ -14,53 +14,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import sqrt
 from types import FunctionType
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.modes import AssemblyMode, WorkingMode
-from duoglide.machine import Geometry
-
-Constants: TypeAlias = tuple[float, ...]
+from duoglide.kinematics.constants import FAINT, Constants
 
 SINGULAR = 1e-9  # [mm], below which a pose counts as lying on a singular surface
-FAINT = 1e-12  # relative size of a square below which rounding has to be looked at
-
-
-def pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
-    """Collect what ``inverse_pose`` and ``margins_pose`` need, in their order."""
-    shift = g.rail_half_spacing - g.platform_half_width
-    return (
-        shift,
-        g.carriage_height + g.riser_height + g.arm_drop,
-        g.arm_length,
-        g.leg_length,
-        0.5 * g.coupler_length,
-        -shift,
-        g.carriage_height + g.strut_drop,
-        g.strut_length,
-        1.0 * mode.v,  # numba wants all of one type
-        1.0 * mode.w1,
-        1.0 * mode.w2,
-        1.0 * mode.w3,
-    )
-
-
-def carriage_constants(g: Geometry, mode: AssemblyMode) -> Constants:
-    """Collect what ``forward_pose`` needs, in its order."""
-    return (
-        g.leg_length,
-        g.coupler_length,
-        2.0 * (g.rail_half_spacing - g.platform_half_width),
-        g.riser_height + g.arm_drop - g.strut_drop,
-        g.arm_length,
-        g.strut_length,
-        g.platform_half_width - g.rail_half_spacing,
-        g.carriage_height + g.strut_drop,
-        1.0 * mode.m,
-        1.0 * mode.n,
-    )
 
 
 def inverse_pose(x: float, y: float, z: float, k: Constants) -> tuple[float, float, float]:
@@ -86,6 +47,12 @@ def margins_pose(x: float, z: float, k: Constants) -> tuple[float, float, float,
     return l9 - sqrt(X * X + Z * Z), h, (X * A - Z * u) / l6, l6 - abs(u)
 
 
+def legs_pose(h: float, k: Constants) -> tuple[float, float]:
+    """Margins that the rise of the legs alone decides: legs vertical and legs parallel (|B|)."""
+    l2 = k[3]
+    return l2 - abs(h), abs(k[10] - k[9]) * sqrt((l2 - h) * (l2 + h))
+
+
 def forward_pose(a1: float, a2: float, a3: float, k: Constants) -> tuple[float, float, float, bool]:
     """Platform position for one triple of carriages, Eqs. 8-11 without their quotients.
 
@@ -94,22 +61,22 @@ def forward_pose(a1: float, a2: float, a3: float, k: Constants) -> tuple[float, 
     Returns:
         x, y, z; and whether they are certainly far from every singularity.
     """
-    l2, l3, F1, lift, l6, l9, xb, zb, m, n = k
+    l2, l3, F1, lift, _l6, l9, xb, zb, m, n, F1F1, l6l6, faint_rise, faint_cross = k
     B = a2 - a1 - l3
-    rise = (l2 - 0.5 * B) * (l2 + 0.5 * B)
+    half_B = 0.5 * B
+    rise = (l2 - half_B) * (l2 + half_B)
     y = 0.5 * (a1 + a2)
     F2 = y - a3
     F3 = lift + m * sqrt(rise)
-    E = F1 * F1 + F3 * F3
+    E = F1F1 + F3 * F3
     R = (l9 - F2) * (l9 + F2)
-    K = 0.5 * (R + E - l6 * l6)
+    K = 0.5 * (R + E - l6l6)
     cross = R * E - K * K
     turn = n * sqrt(cross)
     share = 1.0 / E
     X = (F1 * K - F3 * turn) * share
     Z = (F3 * K + F1 * turn) * share
-    size = l9 * l9 + l6 * l6 + E
-    sure = (abs(B) > 1e-6) & (rise > FAINT * (l2 * l2)) & (cross > FAINT * (size * size))
+    sure = (B * B > FAINT) & (rise > faint_rise) & (cross > faint_cross)
     return X + xb, y, Z + zb, sure
 
 
@@ -152,6 +119,16 @@ def margins_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
         out[3 * n + i] = arm
         failed += not ((strut >= 0.0) & (abs(h) <= leg) & (y - y == 0.0))
     return failed
+
+
+def legs_loop(rise: FloatArray, out: FloatArray, k: Constants) -> int:
+    """Run ``legs_pose`` along the rises of the legs; one half of ``out`` after the other."""
+    n = rise.size
+    for i in range(n):
+        left, spread = legs_pose(rise[i], k)
+        out[i] = left
+        out[n + i] = spread
+    return 0
 
 
 def in_numpy(kernel: Callable[..., Any]) -> Callable[..., Any]:

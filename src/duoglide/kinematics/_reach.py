@@ -8,7 +8,7 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import SingularityError, UnreachableError
-from duoglide.kinematics._kernels import Constants
+from duoglide.kinematics.constants import Constants
 
 EDGE = 1e-9  # [mm], by which rounding may leave a pose on the edge outside it
 

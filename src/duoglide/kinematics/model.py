@@ -10,14 +10,9 @@ from duoglide.errors import InputError
 from duoglide.kinematics._batch import as_batch, as_pose, forward_many, inverse_many, triple
 from duoglide.kinematics._forward import require_forward
 from duoglide.kinematics._jets import height, shifted
-from duoglide.kinematics._kernels import (
-    Constants,
-    carriage_constants,
-    forward_pose,
-    inverse_pose,
-    pose_constants,
-)
+from duoglide.kinematics._kernels import forward_pose, inverse_pose
 from duoglide.kinematics._reach import reach_of, require_inside, require_reach
+from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
 from duoglide.kinematics.modes import ASSEMBLY, WORKING, AssemblyMode, WorkingMode
 from duoglide.machine import Geometry
 

@@ -8,8 +8,18 @@ from typing import Any
 from duoglide.errors import InputError
 
 
+class Numbered:
+    """Room for a number that stands for the signs, so that looking them up is quick.
+
+    No field, so that it is neither compared, printed nor pickled; missing in an unpickled mode.
+    """
+
+    __slots__ = ("code",)
+    code: int
+
+
 @dataclass(frozen=True, slots=True)
-class WorkingMode:
+class WorkingMode(Numbered):
     """Which inverse solution, Eqs. 13 and 15 of [Shen2021]_; each sign is +1 or -1.
 
     Attributes:
@@ -32,7 +42,7 @@ class WorkingMode:
 
 
 @dataclass(frozen=True, slots=True)
-class AssemblyMode:
+class AssemblyMode(Numbered):
     """Which forward solution, Eqs. 9 and 11 of [Shen2021]_; each sign is +1 or -1.
 
     Attributes:
@@ -57,6 +67,15 @@ def _require_signs(mode: Any) -> None:
         if isinstance(value, bool) or value not in (-1, 1):
             raise InputError(f"{type(mode).__name__}.{field.name} must be +1 or -1, got {value!r}")
         object.__setattr__(mode, field.name, int(value))
+    number(mode)
+
+
+def number(mode: WorkingMode | AssemblyMode) -> int:
+    """Return a number that no other mode of the class has, and write it on the mode."""
+    signs = [getattr(mode, field.name) for field in fields(mode)]
+    code = sum(1 << i for i, sign in enumerate(signs) if sign > 0)
+    object.__setattr__(mode, "code", code)
+    return code
 
 
 WORKING = WorkingMode()

@@ -2,51 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.errors import SingularityError
-from duoglide.kinematics._batch import as_batch, as_pose, margins_many
+from duoglide.kinematics._batch import as_batch, as_pose, legs_many, margins_many
 from duoglide.kinematics._distance import nearest_surface
-from duoglide.kinematics._kernels import Constants, margins_pose, pose_constants
+from duoglide.kinematics._kernels import margins_pose
 from duoglide.kinematics._reach import require_reach
+from duoglide.kinematics.constants import Constants, pose_constants
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.machine import Geometry
 
 FAMILIES = ("legs_vertical", "strut", "legs_parallel", "legs_flat", "arm_strut", "arm_flat")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Margins:
     """A length [mm] for each singularity family; it is 0 exactly on the family's surface.
 
     The families are properties, each of the leading shape of the positions. What the rise of the
-    legs alone decides is computed when it is asked for, so that a large batch moves less memory.
-
-    Attributes:
-        measured: ``strut``, ``legs_flat``, ``arm_strut`` and ``arm_flat`` [mm], shape (4, ...).
-        leg_length: l2 [mm].
-        mode: The working mode that the margins are of.
+    legs alone decides is computed when it is first asked for: a large batch moves less memory.
     """
 
-    measured: FloatArray
-    leg_length: float
-    mode: WorkingMode
+    # Not a dataclass: frozen fields take longer to set than the margins of one pose to compute.
+    __slots__ = ("_constants", "_legs", "_measured")
+    _legs: tuple[Any, Any]
+
+    def __init__(self, measured: Sequence[float] | FloatArray, constants: Constants) -> None:
+        """Take ``strut``, ``legs_flat``, ``arm_strut`` and ``arm_flat``, and what they are of."""
+        self._measured = measured
+        self._constants = constants
 
     @property
     def strut(self) -> FloatArray:
         """l9 - sqrt(X^2 + Z^2): distance to the strut's edge of reach (serial)."""
-        strut: FloatArray = self.measured[0]
-        return strut
+        return self._family(0)
 
     @property
     def legs_flat(self) -> FloatArray:
         """h; its sign is the m of the assembly mode (parallel)."""
-        rise: FloatArray = self.measured[1]
-        return rise
+        return self._family(1)
 
     @property
     def arm_strut(self) -> FloatArray:
@@ -54,27 +53,36 @@ class Margins:
 
         It is the distance of B3 from the line of the arm through C3 in the xz plane.
         """
-        in_line: FloatArray = self.measured[2]
-        return in_line
+        return self._family(2)
 
     @property
     def arm_flat(self) -> FloatArray:
         """l6 - |x - (b - d)|: distance to where the branches v merge (edge of reach)."""
-        arm: FloatArray = self.measured[3]
-        return arm
+        return self._family(3)
 
     @property
     def legs_vertical(self) -> FloatArray:
         """l2 - |h|: rise that is left to the legs (serial; edge of reach)."""
-        left: FloatArray = self.leg_length - np.abs(self.legs_flat)
-        return left
+        return self._legs_family(0)
 
     @property
     def legs_parallel(self) -> FloatArray:
         """|B| = |yA2 - yA1 - l3|; 0 everywhere in the modes w1 = w2 (parallel)."""
-        l2, h = self.leg_length, self.legs_flat
-        stroke: FloatArray = np.sqrt((l2 - h) * (l2 + h))
-        return abs(self.mode.w2 - self.mode.w1) * stroke
+        return self._legs_family(1)
+
+    def _family(self, row: int) -> FloatArray:
+        """Return one of what was measured; of one pose, a number as numpy has them."""
+        entry: Any = self._measured[row]
+        return np.float64(entry) if type(entry) is float else entry  # type: ignore[return-value]
+
+    def _legs_family(self, row: int) -> FloatArray:
+        """Return what follows from the rise of the legs, computed once."""
+        try:
+            legs = self._legs
+        except AttributeError:
+            legs = self._legs = legs_many(self.legs_flat, self._constants)
+        family: FloatArray = legs[row]
+        return family
 
     def by_family(self) -> dict[str, FloatArray]:
         """Return the six margins by the name of their family."""
@@ -84,6 +92,10 @@ class Margins:
         """Return the least absolute margin of all families [mm], shape (...)."""
         least: FloatArray = np.abs(np.stack(list(self.by_family().values()))).min(axis=0)
         return least
+
+    def __repr__(self) -> str:
+        families = (f"{family}={margin}" for family, margin in self.by_family().items())
+        return f"Margins({', '.join(families)})"
 
 
 def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> Margins:
@@ -103,21 +115,20 @@ def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
         UnreachableError: A link is too short.
     """
     k = pose_constants(geometry, mode)
-    leg = geometry.leg_length
     if pose := as_pose(position):
         x, y, z = pose
         try:
-            values = margins_pose(x, z, k)
+            measured = margins_pose(x, z, k)
         except ValueError:  # a square root has failed: look closer
             pass
         else:
-            if values[0] >= 0.0 and -leg <= values[1] <= leg and y - y == 0.0:
-                return Margins(np.array(values), leg, mode)
+            if measured[0] >= 0.0 and -k[3] <= measured[1] <= k[3] and y - y == 0.0:
+                return Margins(measured, k)
     array = as_batch(position, "position")
     many, within = margins_many(array, k)
     if not within:
         many = _margins_at_edge(as_triples(array, "position"), k)
-    return Margins(many, leg, mode)
+    return Margins(many, k)
 
 
 def _margins_at_edge(position: FloatArray, k: Constants) -> FloatArray:

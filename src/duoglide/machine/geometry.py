@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from math import hypot
+from typing import Any
 
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
@@ -11,8 +12,20 @@ from duoglide.machine import rules
 _ANY_SIGN = ("riser_height", "arm_drop", "strut_drop", "carriage_height", "platform_half_width")
 
 
+class Remembering:
+    """Room for what is computed once from a value that never changes.
+
+    No field: what is remembered is neither compared, printed, pickled nor taken along by
+    ``dataclasses.replace``. Each slot is filled by whoever needs it, and missing until then.
+    """
+
+    __slots__ = ("carriage_constants", "pose_constants")
+    carriage_constants: dict[int, Any]
+    pose_constants: dict[int, Any]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Geometry:
+class Geometry(Remembering):
     """Dimensions of the robot [mm]; Table 1 of [Shen2021]_ by default.
 
     Attributes:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._kernels import Constants, pose_constants
+from duoglide.kinematics.constants import Constants, pose_constants
 from duoglide.kinematics.model import inverse_derivatives
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine

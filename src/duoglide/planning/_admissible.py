@@ -13,6 +13,7 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics import _kernels as kernels
+from duoglide.kinematics.constants import carriage_constants
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
 from duoglide.kinematics.singularity import clearance
 from duoglide.machine import Machine
@@ -56,7 +57,7 @@ class Room:
 def locate(machine: Machine, carriages: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Find the platform [mm], (..., 3), and where the links close in the machine's own modes."""
     g = machine.geometry
-    k = kernels.carriage_constants(g, ASSEMBLY)
+    k = carriage_constants(g, ASSEMBLY)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         x, y, z, sure = kernels.in_numpy(kernels.forward_pose)(
             carriages[..., 0], carriages[..., 1], carriages[..., 2], k

@@ -18,8 +18,8 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics._distance import nearest_surface
-from duoglide.kinematics._kernels import Constants
 from duoglide.kinematics._reach import Reach, reach_of
+from duoglide.kinematics.constants import Constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Box, Machine
 from duoglide.planning.check_rules import SURE, Parts, Rules

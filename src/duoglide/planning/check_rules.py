@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics._kernels import Constants, pose_constants
+from duoglide.kinematics.constants import Constants, pose_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.curve import Curve

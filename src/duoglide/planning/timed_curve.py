@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import UnreachableError
-from duoglide.kinematics._kernels import Constants, pose_constants
+from duoglide.kinematics.constants import Constants, pose_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import CarriagePath
