@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from array import array
 
+import numpy as np
 import pytest
 
 import duoglide as dg
@@ -45,6 +46,20 @@ def test_a_report_counts_what_was_streamed(tally: Tally) -> None:
     assert found.lateness.worst == pytest.approx(150.0)
     assert "3 cycles" in repr(found) and "mm" in repr(found)
     assert found.to_dict()["following_error"] == [0.3, 0.3, 0.0]
+
+
+def test_a_report_shows_itself_with_units_in_a_notebook(tally: Tally) -> None:
+    tally.faults.append(Trip(Condition.FAULT, Reaction.QUICK_STOP, 2))
+    found = report(tally)
+    page = found._repr_html_()
+    assert "data:image/png;base64," in page and "http" not in page
+    assert "0.300 mm" in page and "150 µs" in page and "axis 2" in page
+    error, late = found.plot().axes
+    assert np.array(error.lines[0].get_ydata()) == pytest.approx([100.0, 300.0, 200.0])
+    assert np.array(late.lines[0].get_ydata()) == pytest.approx([50.0, 100.0, 150.0])
+    nothing = report(Tally(program=1))
+    assert "<img" not in nothing._repr_html_()
+    assert len(nothing.plot().axes) == 2
 
 
 def test_lateness_of_nothing_is_nothing() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +129,5 @@ def test_the_lower_bound_is_below_and_near() -> None:
     assert plan.lower_bound() <= plan.duration
 
 
-def test_repr_is_short_and_plot_draws(move: dg.Trajectory) -> None:
-    assert repr(move).startswith("Trajectory(0.")
-    assert len(move.plot().axes) == 4
+def test_repr_is_short_and_has_units(move: dg.Trajectory) -> None:
+    assert re.fullmatch(r"Trajectory\(0\.\d{4} s, \d+\.?\d* mm\)", repr(move))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from duoglide.errors import DuoglideError, InputError
 from duoglide.kinematics.singularity import FAMILIES
@@ -13,6 +13,9 @@ from duoglide.motion.actions import Action, action_from_dict
 from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import Point, show
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +156,21 @@ class CheckedPath:
             raise
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"not a checked path: {error!r}") from error
+
+    def plot(self) -> Figure:
+        """Draw the path: from the side, across the rails among the clearances, and along its way.
+
+        Returns:
+            A matplotlib figure; a notebook shows it, ``savefig`` writes it.
+        """
+        from duoglide.motion.path_picture import plot_checked
+
+        return plot_checked(self)
+
+    def _repr_html_(self) -> str:
+        from duoglide.motion.path_picture import checked_html
+
+        return checked_html(self)
 
     def __repr__(self) -> str:
         return f"CheckedPath({self.path!r}, {self.curve!r}, tightest {self.report.tightest})"

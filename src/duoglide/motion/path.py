@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +34,9 @@ from duoglide.motion.path_segments import (
     segment_to_dict,
     show,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Corner: TypeAlias = float | Blend
 _ARCH_REACH = 2.0  # how much further an arch bends along the way than upwards
@@ -268,6 +271,24 @@ class Path:
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise InputError(f"not a path: {error!r}") from error
+
+    def plot(self) -> Figure:
+        """Draw the path with its corners rounded, from the side, along the rails and from above.
+
+        Returns:
+            A matplotlib figure; a notebook shows it, ``savefig`` writes it.
+
+        Raises:
+            PathError: Explicit blends do not fit.
+        """
+        from duoglide.motion.path_picture import plot_path
+
+        return plot_path(self)
+
+    def _repr_html_(self) -> str:
+        from duoglide.motion.path_picture import path_html
+
+        return path_html(self)
 
     def __repr__(self) -> str:
         count = len(self.segments)

@@ -213,10 +213,19 @@ class Trajectory:
         return load(path)
 
     def plot(self) -> Figure:
-        """Draw the carriages, velocities, accelerations and jerks against their limits."""
-        from duoglide.motion.trajectory_plot import plot
+        """Draw the carriages, velocities, accelerations and jerks against their limits.
+
+        Returns:
+            A matplotlib figure; a notebook shows it, ``savefig`` writes it.
+        """
+        from duoglide.motion.trajectory_picture import plot
 
         return plot(self)
+
+    def _repr_html_(self) -> str:
+        from duoglide.motion.trajectory_picture import trajectory_html
+
+        return trajectory_html(self)
 
     def __repr__(self) -> str:
         note = f", {self.report.method.value}: {self.report.reason}" if self.report.reason else ""

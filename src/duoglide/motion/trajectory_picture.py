@@ -1,45 +1,70 @@
-"""A picture of a trajectory: the carriages and their derivatives, with the limits."""
+"""The picture of a trajectory, the carriages and their derivatives, and its notebook table."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from duoglide.arrays import FloatArray
+from duoglide.drawing.notebook import notebook_html
+from duoglide.drawing.over_time import draw_carriages, draw_limited, finish
+from duoglide.drawing.picture import Picture, drawn
+from duoglide.motion.path_segments import show
 from duoglide.motion.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_SAMPLES = 4000
+_SAMPLES = 2000
 
 
-def plot(trajectory: Trajectory) -> Figure:
+def plot(trajectory: Trajectory) -> Picture:
     """Draw ``trajectory``: see ``Trajectory.plot``."""
-    from matplotlib.figure import Figure
-
     times = np.linspace(0.0, trajectory.duration, _SAMPLES)
     state = trajectory.at(times)
-    limits = trajectory.machine.limits
-    rows = (
-        ("position [mm]", state.carriages, None),
-        ("velocity [m/s]", state.velocity / 1e3, limits.velocity / 1e3),
-        ("acceleration [m/s²]", state.acceleration / 1e3, limits.acceleration / 1e3),
-        ("jerk [km/s³]", state.jerk / 1e6, limits.jerk / 1e6),
-    )
-    figure = Figure(figsize=(8.0, 9.0), layout="constrained")
-    for axes, (label, values, bounds) in zip(figure.subplots(4, 1, sharex=True), rows, strict=True):
-        for carriage in range(3):
-            colour = f"C{carriage}"
-            axes.plot(
-                times, values[:, carriage], color=colour, lw=1.2, label=f"carriage {carriage + 1}"
-            )
-            if bounds is not None:
-                for sign in (-1.0, 1.0):
-                    axes.axhline(sign * bounds[carriage], color=colour, lw=0.6, ls="--")
-        axes.set_ylabel(label)
-        axes.grid(visible=True, alpha=0.3)
-    figure.axes[0].legend(loc="upper right", ncols=3)
-    figure.axes[0].set_title(repr(trajectory))
-    figure.axes[-1].set_xlabel("time [s]")
+    with drawn((7.0, 7.4)) as figure:
+        rows = figure.subplots(4, 1, sharex=True)
+        draw_carriages(rows[0], times, state.carriages, trajectory.machine)
+        for axes, (title, unit, values, limits) in zip(
+            rows[1:], _rates(trajectory, times), strict=True
+        ):
+            draw_limited(axes, times, values, limits, f"{title} [{unit}]")
+        finish(rows, "time [s]")
     return figure
+
+
+def trajectory_html(trajectory: Trajectory) -> str:
+    """Return what a notebook shows of a trajectory."""
+    times = np.linspace(0.0, trajectory.duration, _SAMPLES)
+    start, end = trajectory.position_at([0.0, trajectory.duration])
+    report = trajectory.report
+    head = [
+        ("duration", f"{trajectory.duration:.4f} s"),
+        ("length", f"{float(trajectory.path.length):.1f} mm"),
+        ("from", f"{show(start.round(3))} mm"),
+        ("to", f"{show(end.round(3))} mm"),
+        ("timing", " because ".join(filter(None, (report.method.value, report.reason)))),
+        ("brake-safe", "yes" if report.brake_safe else "no"),
+        ("actions", f"{len(trajectory.actions)}"),
+    ]
+    peaks: list[tuple[str, ...]] = [("carriage", "1", "2", "3", "limit")]
+    rates = _rates(trajectory, times)
+    for title, unit, values, limits in rates:
+        most = (f"{peak:.4g}" for peak in np.abs(values).max(axis=0))
+        bounds = ", ".join(f"{limit:.4g}" for limit in dict.fromkeys(limits.tolist()))
+        peaks.append((f"peak {title.lower()}", *most, f"{bounds} {unit}"))
+    with drawn((5.4, 3.4)) as figure:
+        rows = figure.subplots(2, 1, sharex=True)
+        draw_carriages(rows[0], times, trajectory.at(times).carriages, trajectory.machine)
+        title, unit, values, limits = rates[0]
+        draw_limited(rows[1], times, values, limits, f"{title} [{unit}]")
+        finish(rows, "time [s]")
+    return notebook_html("Trajectory", [head, peaks], figure)
+
+
+def _rates(
+    trajectory: Trajectory, times: FloatArray
+) -> list[tuple[str, str, FloatArray, FloatArray]]:
+    """Return name, unit, values of shape (n, 3) and limits of the derivatives by time."""
+    state, limits = trajectory.at(times), trajectory.machine.limits
+    return [
+        ("Velocity", "m/s", state.velocity * 1e-3, limits.velocity * 1e-3),
+        ("Acceleration", "m/s²", state.acceleration * 1e-3, limits.acceleration * 1e-3),
+        ("Jerk", "m/s³", state.jerk * 1e-3, limits.jerk * 1e-3),
+    ]

@@ -73,9 +73,9 @@ def check(
             say_json(_refusal(error))
         raise
     if picture is not None:
-        from duoglide.viewer.plots import draw_path
+        from duoglide.drawing.picture import save
 
-        draw_path(checked, picture)
+        save(checked.plot(), picture)
     if as_json:
         say_json(_numbers(checked))
     else:

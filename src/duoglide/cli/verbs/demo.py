@@ -144,11 +144,12 @@ def _replay(machine: Machine, run: Path) -> Comparison:
 
 
 def _draw(trajectory: Trajectory, files: _Files) -> None:
+    from duoglide.drawing.picture import save
     from duoglide.playback.run_data import read_run
     from duoglide.storage import read_log
-    from duoglide.viewer.plots import draw_run
+    from duoglide.viewer.run_picture import plot_run
 
-    draw_run(read_run(read_log(files.run)), trajectory, files.picture)
+    save(plot_run(read_run(read_log(files.run)), trajectory), files.picture)
 
 
 def _plan_facts(audit: Audit) -> list[tuple[str, str]]:

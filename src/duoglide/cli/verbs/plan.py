@@ -65,9 +65,9 @@ def plan(
     audit = trajectory.audit()
     trajectory.save(out)
     if picture is not None:
-        from duoglide.viewer.plots import draw_plan
+        from duoglide.drawing.picture import save
 
-        draw_plan(trajectory, picture)
+        save(trajectory.plot(), picture)
     if as_json:
         say_json({"file": str(out), **plan_numbers(trajectory, audit)})
     else:

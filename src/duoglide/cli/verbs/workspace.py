@@ -43,9 +43,10 @@ def workspace(
     with working("analysing the workspace"):
         report = analyse(described)
     if picture is not None:
-        from duoglide.viewer.plots_workspace import draw_workspace
+        from duoglide.drawing.picture import save
+        from duoglide.viewer.workspace_picture import plot_workspace
 
-        draw_workspace(described, report, picture)
+        save(plot_workspace(described, report), picture)
     if as_json:
         say_json(_numbers(report))
         return

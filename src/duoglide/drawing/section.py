@@ -1,0 +1,91 @@
+"""The workspace across the rails, which looks the same all along y, as far as the rails go."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
+
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.kinematics.model import reachable
+from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.workspace import Section, section
+from duoglide.machine import Machine
+
+OUTLINE = "#222222"
+_CELLS = 240
+_MARGIN = 12.0  # [mm] around what is drawn
+
+
+def draw_section(axes: Axes, machine: Machine, around: ArrayLike) -> None:
+    """Draw the clearance across the rails and the edge of the reach.
+
+    Args:
+        axes: Where to.
+        machine: Whose; what is nearer to a singular surface than its clearance is left white.
+        around: Positions [mm], shape (n, 3). Drawn is the part of the reach that holds them: what
+            lies beyond a singular surface is another workspace.
+    """
+    seeds = np.asarray(around, dtype=np.float64).reshape(-1, 3)
+    x, z, room = _field(machine, seeds)
+    drawn = axes.contourf(x, z, room, levels=_levels(room), cmap="Greens", antialiased=False)
+    axes.figure.colorbar(drawn, ax=axes, label="clearance [mm]", shrink=0.85, pad=0.02)
+    _draw_edge(axes, section(machine.geometry))
+    shown = np.isfinite(room)
+    columns, lines = np.flatnonzero(shown.any(axis=0)), np.flatnonzero(shown.any(axis=1))
+    if len(columns):
+        axes.set_xlim(x[columns[0]] - _MARGIN, x[columns[-1]] + _MARGIN)
+        axes.set_ylim(z[lines[0]] - _MARGIN, z[lines[-1]] + _MARGIN)
+    axes.set_aspect("equal", adjustable="box")
+    axes.set(title="Across the rails", xlabel="x [mm]", ylabel="z [mm]")
+    axes.grid(visible=False)
+
+
+def _draw_edge(axes: Axes, reach: Section) -> None:
+    """Draw what bounds a region: the curves below and above, and a wall at both ends."""
+    lines = [line for _, line in reach.outline()]  # below and above, piece by piece in rising x
+    ends = ((lines[:2], 0), (lines[-2:], -1)) if lines else ()
+    walls = [np.stack([line[end] for line in pair]) for pair, end in ends]
+    for line in lines + walls:
+        axes.plot(*line.T, color=OUTLINE, linewidth=0.7)
+
+
+def _levels(room: FloatArray) -> FloatArray:
+    """Return steps of clearance from 0 that people can read: 1, 2 or 5 times a power of ten."""
+    most = float(np.nanmax(room, initial=0.0))
+    if most <= 0.0:
+        return np.array([0.0, 1.0])
+    power = 10.0 ** np.floor(np.log10(most / 5.0))
+    step = next(s for s in (power, 2.0 * power, 5.0 * power, 10.0 * power) if most / s <= 10.0)
+    return np.arange(0.0, most + step, step)
+
+
+def _field(machine: Machine, seeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, z and the clearance over them, NaN where it is less than the machine's."""
+    g = machine.geometry
+    wide = g.arm_length + abs(g.platform_half_width) + g.rail_half_spacing
+    high = g.carriage_height + g.strut_length + g.strut_drop
+    x = np.linspace(min(-wide, seeds[:, 0].min()), max(wide, seeds[:, 0].max()), _CELLS + 1)
+    z = np.linspace(min(0.0, seeds[:, 2].min()), max(1.05 * high, seeds[:, 2].max()), _CELLS + 1)
+    grid = np.stack(np.broadcast_arrays(x[None, :], seeds[0, 1], z[:, None]), axis=-1)
+    within = reachable(g, grid)
+    room = np.full(within.shape, np.nan)
+    room[within] = clearance(g, grid[within])
+    cell = max(x[1] - x[0], z[1] - z[0])
+    clear = np.nan_to_num(room) >= max(machine.clearance, 1.5 * cell)
+    room[~_part_with(clear, x, z, seeds) | (room < machine.clearance)] = np.nan
+    return x, z, room
+
+
+def _part_with(clear: BoolArray, x: FloatArray, z: FloatArray, seeds: FloatArray) -> BoolArray:
+    """Return the connected parts of ``clear`` that hold seeds, and a rim; all of it without any."""
+    from scipy import ndimage
+
+    labels, _ = ndimage.label(clear)
+    columns = np.abs(seeds[:, :1] - x).argmin(axis=1)
+    lines = np.abs(seeds[:, 2:] - z).argmin(axis=1)
+    found = np.unique(labels[lines, columns])
+    found = found[found > 0]
+    part = np.isin(labels, found) if found.size else clear
+    grown: BoolArray = ndimage.binary_dilation(part, iterations=2)
+    return grown

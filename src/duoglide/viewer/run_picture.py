@@ -1,0 +1,42 @@
+"""A picture of a run: what was streamed and measured, over time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duoglide.drawing.over_time import draw_carriages, draw_curves, draw_limited, finish
+from duoglide.drawing.picture import LIMIT, Picture, drawn
+from duoglide.errors import LogError
+from duoglide.motion.trajectory import Trajectory
+from duoglide.playback.run_data import RunData
+
+_BEFORE, _AFTER = 5, 20  # cycles of rest that a picture shows
+
+
+def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
+    """Draw a run: carriages, their velocities with the limits, and the tracking error.
+
+    Args:
+        data: What was streamed and measured.
+        trajectory: What was meant.
+
+    Raises:
+        LogError: The run has no cycle on its program.
+    """
+    moving = np.flatnonzero(data.on_program)
+    if len(moving) == 0:
+        raise LogError("a run without a cycle on its program cannot be drawn")
+    shown = slice(max(int(moving[0]) - _BEFORE, 0), int(moving[-1]) + _AFTER)
+    times = (data.time - data.time[moving[0]])[shown]
+    planned = trajectory.at(data.path_time)
+    velocity = planned.velocity * np.where(data.on_program, data.rate, 0.0)[:, None] / 1e3
+    limits = trajectory.machine.limits.velocity / 1e3
+    with drawn((7.0, 6.0)) as figure:
+        rows = figure.subplots(3, 1, sharex=True)
+        draw_carriages(rows[0], times, data.actual_mm[shown], data.machine)
+        draw_limited(rows[1], times, velocity[shown], limits, "Velocity [m/s]")
+        draw_curves(rows[2], times, data.following_error[shown] * 1e3)
+        rows[2].set_title("Tracking error [µm], measured minus the setpoint that was due")
+        rows[2].axhline(0.0, color=LIMIT, linewidth=0.7)
+        finish(rows, "time from the start of the program [s]")
+    return figure
