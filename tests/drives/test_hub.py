@@ -123,6 +123,27 @@ def test_the_station_learns_that_whoever_sent_sync_is_gone() -> None:
         wait_until(lambda: station.abandoned)
 
 
+def test_frames_are_taken_as_messages_are_but_for_what_the_cycle_does_not_hear() -> None:
+    station = Listener()
+    with running(station) as hub:
+        plain, quick, sender = connect(hub), connect(hub), connect(hub)
+        sent = [(0x181, bytes(6)), (0x7FF, b""), (0x12345, b"\1"), (0x82, bytes(range(8)))]
+        for can_id, data in sent:
+            extended = can_id > 0x7FF
+            sender.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=extended))
+        assert receive(plain, len(sent)) == sent
+        taken: list[tuple[int, bytes]] = []
+
+        def all_there() -> bool:
+            taken.extend(quick.receive_frames())
+            return len(taken) >= 3
+
+        wait_until(all_there)
+        assert taken == [frame for frame in sent if frame[0] != 0x12345]
+        for bus in (plain, quick, sender):
+            bus.shutdown()
+
+
 def test_python_can_reads_what_the_hub_writes() -> None:
     from can.interfaces.socketcand.socketcand import convert_ascii_message_to_can_message
 

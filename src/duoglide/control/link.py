@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from duoglide.drives.pdo import ERROR_FRAME
 from duoglide.errors import BusError
 
 if TYPE_CHECKING:
     import can
 
-ERROR_FRAME = -1  # stands for the identifier of an error frame
 _BUS_OFF = 0x40  # of the identifier of a SocketCAN error frame (linux/can/error.h)
 _CONTROLLER = 0x04
 _PASSIVE = 0x30  # of its byte 1: receive or transmit error counter above 127
@@ -49,9 +49,11 @@ class BusLink:
         import can
 
         from duoglide.drives.buses import frame_sender
+        from duoglide.drives.socketcand import SocketcandBus
 
         self._bus = bus
         self._send = frame_sender(bus)
+        self._receive = bus.receive_frames if isinstance(bus, SocketcandBus) else self._take
         self._failures = (can.CanError, OSError, ValueError)
 
     def send(self, frames: Sequence[Frame]) -> None:
@@ -63,16 +65,19 @@ class BusLink:
 
     def receive(self) -> list[Frame]:
         """Return the frames that have come; BusError if the bus is dead."""
-        frames: list[Frame] = []
         try:
-            while (message := self._bus.recv(0)) is not None:
-                if message.is_error_frame:
-                    kind = message.arbitration_id
-                    frames.append((ERROR_FRAME, bytes((kind & 0xFF,)) + bytes(message.data)))
-                elif not message.is_extended_id and not message.is_remote_frame:
-                    frames.append((message.arbitration_id, bytes(message.data)))
+            return self._receive()
         except self._failures as error:
             raise BusError(f"the bus is dead: {error}") from error
+
+    def _take(self) -> list[Frame]:
+        frames: list[Frame] = []
+        while (message := self._bus.recv(0)) is not None:
+            if message.is_error_frame:
+                kind = message.arbitration_id
+                frames.append((ERROR_FRAME, bytes((kind & 0xFF,)) + bytes(message.data)))
+            elif not message.is_extended_id and not message.is_remote_frame:
+                frames.append((message.arbitration_id, bytes(message.data)))
         return frames
 
     def close(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 
-from duoglide.control.link import ERROR_FRAME, Frame, is_fatal
+from duoglide.control.link import Frame, is_fatal
 from duoglide.control.supervise import AxisView
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode, State
@@ -154,6 +154,6 @@ class Dispatch:
             handler = self._handlers.get(identifier)
             if handler is not None:
                 handler(data)
-            elif identifier == ERROR_FRAME:
+            elif identifier == pdo.ERROR_FRAME:
                 self.error_frames += 1
                 self.bus_failed = self.bus_failed or is_fatal(data)

@@ -31,6 +31,7 @@ RPDO2 = 0x300
 SDO_REPLY = 0x580
 SDO_REQUEST = 0x600
 HEARTBEAT = 0x700
+ERROR_FRAME = -1  # stands for the identifier of an error frame
 
 SETPOINT = Struct("<Hi")  # RPDO1: controlword, target position [increments]
 FEEDBACK = Struct("<Hi")  # TPDO1: statusword, actual position [increments]

@@ -16,9 +16,12 @@ from collections.abc import Sequence
 
 import can
 
+from duoglide.drives.pdo import ERROR_FRAME
+
 Frame = tuple[int, bytes]  # identifier, data; identifiers above 0x7FF are extended
 
 _STANDARD_IDS = 0x800
+_STANDARD_DIGITS = 3
 _WRITE_PATIENCE = 0.1  # how long a send may wait for room in the socket [s]
 
 
@@ -127,7 +130,7 @@ class SocketcandBus(can.BusABC):
         return can.Message(
             timestamp=float(words[2]),
             arbitration_id=int(words[1], 16),
-            is_extended_id=len(words[1]) > 3,
+            is_extended_id=len(words[1]) > _STANDARD_DIGITS,
             is_error_frame=words[0] == b"error",
             data=bytes.fromhex(b"".join(words[3:]).decode()),
             channel=self._channel,
@@ -137,19 +140,41 @@ class SocketcandBus(can.BusABC):
         """Return the socket's descriptor, to wait on."""
         return self._socket.fileno()
 
+    def receive_frames(self) -> list[Frame]:
+        """Return the standard frames that have come, oldest first, without waiting.
+
+        An error frame comes as ``ERROR_FRAME`` and the low byte of its identifier.
+
+        Raises:
+            can.CanOperationError: The connection is gone.
+        """
+        frames = [(m.arbitration_id, bytes(m.data)) for m in self._received if not m.is_extended_id]
+        self._received.clear()
+        for words in self._read():
+            kind, name, data = words[0], words[1], b"".join(words[3:])
+            if kind == b"frame" and len(name) <= _STANDARD_DIGITS:
+                frames.append((int(name, 16), bytes.fromhex(data.decode())))
+            elif kind == b"error":
+                low = bytes((int(name, 16) & 0xFF,))
+                frames.append((ERROR_FRAME, low + bytes.fromhex(data.decode())))
+        return frames
+
+    def _read(self) -> list[list[bytes]]:
+        """Return the messages that have come."""
+        try:
+            data = self._socket.recv(65536)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise can.CanOperationError(f"{self.channel_info}: {error}") from error
+        if not data:
+            raise can.CanOperationError(f"{self.channel_info} has closed the connection")
+        return self._splitter.feed(data)
+
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._received and self._poll.poll(None if timeout is None else timeout * 1e3):
-            try:
-                data = self._socket.recv(65536)
-            except BlockingIOError:
-                return None, False
-            except OSError as error:
-                raise can.CanOperationError(f"{self.channel_info}: {error}") from error
-            if not data:
-                raise can.CanOperationError(f"{self.channel_info} has closed the connection")
-            messages = self._splitter.feed(data)
             kinds = (b"frame", b"error")
-            self._received.extend(self._message(m) for m in messages if m[0] in kinds)
+            self._received.extend(self._message(m) for m in self._read() if m[0] in kinds)
         return (self._received.popleft() if self._received else None), False
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
