@@ -95,6 +95,7 @@ def test_wrong_use_is_one_line_and_code_2(
         (["replay", "frames.log"], "--bus"),
         (["log", "none.mcap"], "none.mcap"),
         (["drives", "--bus", "none"], "unknown bus 'none'"),
+        (["drives", "--scenario", "none.toml"], "cannot read scenario none.toml"),
         (["machine", "none.toml"], "none.toml"),
         (["plan", *PICK, "--out", "none/plan.mcap"], "none/plan.mcap"),
         (["plan", *PICK, "--picture", "plan.docx"], "docx"),

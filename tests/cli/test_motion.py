@@ -83,12 +83,18 @@ def test_ctrl_c_and_sigterm_stop_on_the_path_and_leave_a_whole_log(
     assert EventKind.FAULT not in kinds
 
 
-def test_simulated_drives_end_in_order_when_they_are_asked_to() -> None:
-    command = [sys.executable, "-m", "duoglide.cli", "drives"]
+def test_simulated_drives_play_their_scenario_and_end_in_order_when_they_are_asked_to(
+    tmp_path: Path,
+) -> None:
+    scenario = tmp_path / "play.toml"
+    scenario.write_text('[plant]\nbandwidth = 30\n[[fault]]\nkind = "device_fault"\naxis = 3\n')
+    command = [sys.executable, "-m", "duoglide.cli", "drives", "--scenario", str(scenario)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert "three drives on --bus socketcand:" in process.stdout.readline()
+        assert process.stdout.readline() == "Ctrl-C ends them\n"
+        assert process.stdout.readline().endswith(" s, axis 3: device fault\n")
         process.terminate()
         said, _ = process.communicate(timeout=10.0)
     assert process.returncode == 0
-    assert said.splitlines()[-1] == "ended"
+    assert said == "ended\n"

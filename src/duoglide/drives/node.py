@@ -68,7 +68,7 @@ class DriveNode:
         self.process_data = ProcessData(self.objects, self.axis, self.node_id)
         self._sdo = SdoServer(self.objects, self._reply)
         self._sdo_queue: list[tuple[float, bytes]] = []  # when to serve, request
-        self._zero = self.plant.position  # the encoder counts from where it was switched on
+        self._zero = self.plant.measured  # the encoder counts from where it was switched on
         self._heartbeat_age = 0
         self._odd_sync = False  # SYNC with a length that was not agreed
         self.state = NmtState.BOOT_UP
@@ -189,7 +189,7 @@ class DriveNode:
         else:
             self.plant.coast(not self.axis.brake_released, seconds)
         self.axis.set_inputs(self.inputs | self._limit_switches())
-        self.axis.tick(dt, floor((self.plant.position - self._zero) * self.scale + 0.5))
+        self.axis.tick(dt, floor((self.plant.measured - self._zero) * self.scale + 0.5))
         for code in self.axis.take_emergencies():
             self._emergency(code)
 

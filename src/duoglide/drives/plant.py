@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import floor, pi
 
+from duoglide.errors import ConfigError
+from duoglide.machine import rules
+
+_MOST_BANDWIDTH = 400.0  # what the integration stands, with room [Hz]
 _STEP = 0.00025  # longest step of the integration [s]
 
 
@@ -21,7 +25,11 @@ class PlantParameters:
         greatest_acceleration: What motor and current limit allow [mm/s^2].
         coasting_deceleration: Friction that stops the carriage without power [mm/s^2].
         brake_deceleration: What the holding brake adds [mm/s^2].
+        encoder_step: What the encoder can tell apart [mm]; 0: one increment of the drive.
         limit_switches: Where the limit switches are [mm]; on at and beyond them.
+
+    Raises:
+        ConfigError: Names the key, the value and the rule.
     """
 
     bandwidth: float = 80.0
@@ -30,7 +38,37 @@ class PlantParameters:
     greatest_acceleration: float = 200e3
     coasting_deceleration: float = 5e3
     brake_deceleration: float = 20e3
+    encoder_step: float = 0.0
     limit_switches: tuple[float, float] = (-1e6, 1e6)
+
+    def __post_init__(self) -> None:
+        for key, unit in (
+            ("bandwidth", "Hz"),
+            ("damping", "1"),
+            ("greatest_acceleration", "mm/s^2"),
+            ("coasting_deceleration", "mm/s^2"),
+        ):
+            rules.positive(key, getattr(self, key), unit)
+        for key, unit in (
+            ("velocity_feedforward", "1"),
+            ("brake_deceleration", "mm/s^2"),
+            ("encoder_step", "mm"),
+        ):
+            rules.not_negative(key, getattr(self, key), unit)
+        if self.bandwidth > _MOST_BANDWIDTH:
+            raise ConfigError(
+                f"bandwidth = {self.bandwidth:g}: must be at most {_MOST_BANDWIDTH:g} [Hz]"
+            )
+        self._check_switches()
+
+    def _check_switches(self) -> None:
+        pair = self.limit_switches
+        if not isinstance(pair, list | tuple) or len(pair) != 2:
+            raise ConfigError(f"limit_switches = {pair!r}: must be two places [mm]")
+        low, high = (rules.number(f"limit_switches[{i}]", v) for i, v in enumerate(pair))
+        if low >= high:
+            raise ConfigError(f"limit_switches = {list(pair)}: the first must be below the second")
+        object.__setattr__(self, "limit_switches", (low, high))
 
 
 class Plant:
@@ -62,6 +100,12 @@ class Plant:
             position += velocity * dt
             demand += speed * dt
         self.position, self.velocity = position, velocity
+
+    @property
+    def measured(self) -> float:
+        """Where the encoder sees the carriage [mm]."""
+        step = self.parameters.encoder_step
+        return floor(self.position / step + 0.5) * step if step else self.position
 
     @property
     def switches(self) -> tuple[bool, bool]:
