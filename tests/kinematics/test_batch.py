@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.kinematics import _batch, _kernels, constants
+from duoglide.kinematics import _batch, constants, kernels
 
 
 def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
@@ -23,7 +23,7 @@ def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
         return loop
 
     monkeypatch.setattr(numba, "njit", njit)
-    assert _batch._compiled.__wrapped__(_kernels.inverse_loop) is _kernels.inverse_loop
+    assert _batch._compiled.__wrapped__(kernels.inverse_loop) is kernels.inverse_loop
     assert asked == [True, False]
 
 
@@ -31,14 +31,14 @@ def test_the_loops_say_the_same_uncompiled(geometry: dg.Geometry) -> None:
     position = np.array([[-41.0, 3.0, 302.0], [20.0, -5.0, 300.0]])
     k = constants.pose_constants(geometry, dg.WorkingMode())
     carriages = np.empty(6)
-    assert _kernels.inverse_loop(position.ravel(), carriages, k) == 0
+    assert kernels.inverse_loop(position.ravel(), carriages, k) == 0
     np.testing.assert_array_equal(carriages.reshape(2, 3), dg.inverse(geometry, position))
     back = np.empty(6)
     assembly = constants.carriage_constants(geometry, dg.AssemblyMode())
-    assert _kernels.forward_loop(carriages, back, assembly) == 0
+    assert kernels.forward_loop(carriages, back, assembly) == 0
     np.testing.assert_allclose(back.reshape(2, 3), position, rtol=0, atol=1e-10)
     sides = np.empty(8)
-    assert _kernels.margins_loop(position.ravel(), sides, k) == 0
+    assert kernels.margins_loop(position.ravel(), sides, k) == 0
     found = dg.margins(geometry, position)
     np.testing.assert_array_equal(
         sides.reshape(4, 2), [found.strut, found.legs_flat, found.arm_strut, found.arm_flat]

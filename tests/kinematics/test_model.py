@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import duoglide as dg
 from duoglide.kinematics import _batch
 from duoglide.kinematics._case2 import curve_of
-from duoglide.kinematics._kernels import in_numpy, inverse_pose
 from duoglide.kinematics.constants import pose_constants
+from duoglide.kinematics.kernels import in_numpy, inverse_pose
 from duoglide.kinematics.model import inverse_derivatives
 
 ALL_MODES = [dg.WorkingMode(*signs) for signs in product((1, -1), repeat=4)]

@@ -10,7 +10,10 @@ from scipy.spatial import cKDTree
 
 import duoglide as dg
 from duoglide.kinematics._case2 import curve_of
+from duoglide.kinematics._nearest_pose import nearest_of_pose
+from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.model import inverse_derivatives
+from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.singularity import FAMILIES, clearance_gradient
 
 STEP = 2e-3  # [mm], between the points of a surface drawn densely
@@ -83,6 +86,36 @@ def surface_values(geometry: dg.Geometry, v: int, point: np.ndarray) -> np.ndarr
     arcs = [np.hypot(u, Z - lift - rise) - l6 for rise in (-l2, 0.0, l2)]
     A = v * np.sqrt(max(l6 * l6 - u * u, 0.0))
     return np.array([*arcs, abs(u) - l6, np.hypot(X, Z) - l9, (X * A - Z * u) / l6])
+
+
+def test_clearance_of_one_pose_is_that_of_many(geometries: list[dg.Geometry], poses: Any) -> None:
+    nearest = set()
+    for geometry, mode in product(geometries, BRANCHES):
+        position = poses(geometry, mode, 40)
+        if not len(position):
+            continue
+        many = nearest_surface(geometry, mode.v, position)
+        k, curve = pose_constants(geometry, mode), curve_of(geometry, mode.v)
+        alone = [nearest_of_pose(x, z, k, curve) for x, _, z in position.tolist()]
+        np.testing.assert_allclose([one[0] for one in alone], many.distance, rtol=0, atol=1e-9)
+        same = [one[3] for one in alone] == many.family
+        assert same.mean() > 0.95  # else two are equally near, as where they meet
+        away = np.array([one[1:3] for one in alone])
+        np.testing.assert_allclose(away[same], many.away[same][:, ::2], rtol=0, atol=1e-6)
+        pose = tuple(position[0].tolist())
+        assert dg.clearance(geometry, pose, mode) == alone[0][0]
+        assert (clearance_gradient(geometry, pose, mode)[::2] == away[0]).all()
+        nearest |= set(many.family)
+    assert nearest == set(FAMILIES) - {"legs_parallel"}
+
+
+def test_of_one_pose_there_are_plain_numbers(geometry: dg.Geometry) -> None:
+    for pose in ((-41.0, 0.0, 302.0), [-41, 0, 302], np.array([-41.0, 0.0, 302.0])):
+        room, within = dg.clearance(geometry, pose), dg.reachable(geometry, pose)
+        assert isinstance(room, float)
+        assert isinstance(within, np.bool_)
+        assert (round(room, 1), bool(within)) == (67.4, True)
+        assert all(isinstance(m, float) for m in dg.margins(geometry, pose).by_family().values())
 
 
 def test_no_surface_is_nearer_than_clearance_along_any_ray(

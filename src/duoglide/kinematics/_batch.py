@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
-from duoglide.kinematics import _kernels as kernels
-from duoglide.kinematics._compiled import compiled
+from duoglide.kinematics import kernels
+from duoglide.kinematics.compiled import compiled
 from duoglide.kinematics.constants import Constants
 
 WORTH_LOADING = 50_000  # poses, from which loading numba (half a second) pays

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
+from duoglide.kinematics.kernels import case2_point, in_numpy
 from duoglide.machine import Geometry
 
 IndexArray: TypeAlias = NDArray[np.intp]
@@ -25,6 +26,8 @@ IndexArray: TypeAlias = NDArray[np.intp]
 STEPS_PER_LENGTH = 150.0  # cells of the sampled curve for one strut length
 TURN = 0.1  # [rad], by which the tangent turns at most in one cell
 COARSE = 16  # every so many samples for a first look
+_point_columns = in_numpy(case2_point)
+
 NEAR_POLE = 1e-9  # [rad], where the line X = 0 takes over
 STEPS = 60  # bisection alone would then be down to rounding
 
@@ -38,12 +41,16 @@ class Piece:
         X: Coordinate along x of the samples [mm].
         Z: Coordinate along z of the samples [mm].
         spacing: Greatest length of the curve between neighbours [mm], with a reserve.
+        samples: X and Z of the samples, as plain numbers.
+        box: Least and greatest X and Z [mm] that the piece comes to, with a reserve.
     """
 
     delta: FloatArray
     X: FloatArray
     Z: FloatArray
     spacing: float
+    samples: tuple[tuple[float, float], ...]
+    box: tuple[float, float, float, float]
 
     def squares(self, X: FloatArray, Z: FloatArray, step: int) -> FloatArray:
         """Return the squared distances of poses to every ``step``-th sample, shape (n, samples)."""
@@ -54,8 +61,8 @@ class Piece:
 
     def box_squares(self, X: FloatArray, Z: FloatArray) -> FloatArray:
         """Return less than the squared distances of poses to the piece, shape (n,)."""
-        dx = np.abs(X - np.clip(X, self.X.min() - self.spacing, self.X.max() + self.spacing))
-        dz = np.abs(Z - np.clip(Z, self.Z.min() - self.spacing, self.Z.max() + self.spacing))
+        x_low, x_high, z_low, z_high = self.box
+        dx, dz = X - np.clip(X, x_low, x_high), Z - np.clip(Z, z_low, z_high)
         squares: FloatArray = dx * dx + dz * dz
         return squares
 
@@ -139,16 +146,8 @@ class Case2Curve:
 
     def point(self, delta: FloatArray) -> tuple[FloatArray, ...]:
         """Return X, Z and their first and second derivatives by delta."""
-        s, c = np.sin(delta), np.cos(delta)
-        pole = self.F1 / s
-        return (
-            self.F1 - self.l6 * s,
-            self.v * c * (self.l6 - pole),
-            -self.l6 * c,
-            self.v * (pole / s - self.l6 * s),
-            self.l6 * s,
-            -self.v * c * (self.l6 + 2.0 * pole / (s * s)),
-        )
+        columns: tuple[FloatArray, ...] = _point_columns(delta, self.F1, self.l6, self.v)
+        return columns
 
 
 def _candidates(
@@ -222,6 +221,14 @@ def _sample(curve: Case2Curve, ends: tuple[float, float], step: float) -> Piece:
             break
         middle = 0.5 * (delta[:-1] + delta[1:])
         delta = np.sort(np.concatenate([delta, middle[split]]))
+    spacing = 1.01 * float(chord.max())
+    low = float(x.min()) - spacing, float(z.min()) - spacing
+    high = float(x.max()) + spacing, float(z.max()) + spacing
     return Piece(
-        delta=read_only(delta), X=read_only(x), Z=read_only(z), spacing=1.01 * float(chord.max())
+        delta=read_only(delta),
+        X=read_only(x),
+        Z=read_only(z),
+        spacing=spacing,
+        samples=tuple(zip(x.tolist(), z.tolist(), strict=True)),
+        box=(low[0], high[0], low[1], high[1]),
     )

@@ -9,8 +9,8 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import SingularityError, UnreachableError
-from duoglide.kinematics._kernels import SINGULAR
 from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.kernels import SINGULAR
 
 EPSILON = 2.0**-52
 INDETERMINATE = {

@@ -10,10 +10,10 @@ from duoglide.errors import InputError
 from duoglide.kinematics._batch import as_batch, as_pose, forward_many, inverse_many, triple
 from duoglide.kinematics._forward import require_forward
 from duoglide.kinematics._jets import height, shifted
-from duoglide.kinematics._kernels import forward_pose, inverse_pose
-from duoglide.kinematics._reach import reach_of, require_inside, require_reach
 from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
+from duoglide.kinematics.kernels import forward_pose, inverse_pose
 from duoglide.kinematics.modes import ASSEMBLY, WORKING, AssemblyMode, WorkingMode
+from duoglide.kinematics.reach import reach_of, require_inside, require_reach
 from duoglide.machine import Geometry
 
 LAST_AXIS = "(carriage 1, 2, 3)"
@@ -106,13 +106,14 @@ def reachable(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKI
         mode: Which of the inverse solutions.
 
     Returns:
-        Boolean mask of shape (...). The edge of reach belongs to it.
+        Boolean mask of shape (...); of one pose, a truth value. The edge of reach belongs to it.
 
     Raises:
         InputError: Not finite numbers of shape (..., 3).
     """
-    array = as_triples(position, "position")
-    return reach_of(array, pose_constants(geometry, mode)).within
+    k = pose_constants(geometry, mode)
+    within: BoolArray = reach_of(as_triples(position, "position"), k).within[()]
+    return within
 
 
 def jacobian(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> FloatArray:

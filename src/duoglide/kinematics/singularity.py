@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.errors import SingularityError
-from duoglide.kinematics._batch import as_batch, as_pose, legs_many, margins_many
-from duoglide.kinematics._distance import nearest_surface
-from duoglide.kinematics._kernels import margins_pose
-from duoglide.kinematics._reach import require_reach
+from duoglide.kinematics._batch import as_batch, as_pose, legs_many, margins_many, triple
+from duoglide.kinematics._case2 import curve_of
+from duoglide.kinematics._nearest_pose import nearest_of_pose
 from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.kernels import margins_pose
 from duoglide.kinematics.modes import WORKING, WorkingMode
+from duoglide.kinematics.nearest import nearest_surface
+from duoglide.kinematics.reach import require_reach
 from duoglide.machine import Geometry
 
 FAMILIES = ("legs_vertical", "strut", "legs_parallel", "legs_flat", "arm_strut", "arm_flat")
@@ -72,8 +74,7 @@ class Margins:
 
     def _family(self, row: int) -> FloatArray:
         """Return one of what was measured; of one pose, a number as numpy has them."""
-        entry: Any = self._measured[row]
-        return np.float64(entry) if type(entry) is float else entry  # type: ignore[return-value]
+        return _as_numpy(self._measured[row])
 
     def _legs_family(self, row: int) -> FloatArray:
         """Return what follows from the rise of the legs, computed once."""
@@ -98,6 +99,12 @@ class Margins:
         return f"Margins({', '.join(families)})"
 
 
+def _as_numpy(value: Any) -> FloatArray:
+    """Return numbers and arrays without axes as numpy's own functions do: as a numpy float."""
+    number: Any = value[()] if isinstance(value, np.ndarray) else np.float64(value)
+    return number  # type: ignore[no-any-return]  # numpy's stubs know no type for both
+
+
 def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> Margins:
     """Measure how far a pose is from each singularity family.
 
@@ -115,20 +122,25 @@ def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
         UnreachableError: A link is too short.
     """
     k = pose_constants(geometry, mode)
-    if pose := as_pose(position):
-        x, y, z = pose
-        try:
-            measured = margins_pose(x, z, k)
-        except ValueError:  # a square root has failed: look closer
-            pass
-        else:
-            if measured[0] >= 0.0 and -k[3] <= measured[1] <= k[3] and y - y == 0.0:
-                return Margins(measured, k)
+    if (pose := as_pose(position)) and (measured := _measured(pose, k)):
+        return Margins(measured, k)
     array = as_batch(position, "position")
     many, within = margins_many(array, k)
     if not within:
         many = _margins_at_edge(as_triples(array, "position"), k)
     return Margins(many, k)
+
+
+def _measured(pose: Sequence[float], k: Constants) -> tuple[float, ...]:
+    """Return what ``margins_pose`` does if the pose is plainly within reach, else nothing."""
+    x, y, z = pose
+    try:
+        measured = margins_pose(x, z, k)
+    except ValueError:  # a square root has failed
+        return ()
+    if measured[0] >= 0.0 and -k[3] <= measured[1] <= k[3] and y - y == 0.0:
+        return measured
+    return ()
 
 
 def _margins_at_edge(position: FloatArray, k: Constants) -> FloatArray:
@@ -154,18 +166,21 @@ def clearance(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKI
         mode: Which of the inverse solutions; in the modes w1 = w2 every pose is singular.
 
     Returns:
-        Distances [mm], shape (...), 0 on a surface.
+        Distances [mm], shape (...), 0 on a surface; of one pose, a number.
 
     Raises:
         InputError: Not finite numbers of shape (..., 3).
         UnreachableError: A link is too short.
     """
+    k = pose_constants(geometry, mode)
+    if (pose := as_pose(position)) and _measured(pose, k) and mode.w1 != mode.w2:
+        distance, *_ = nearest_of_pose(pose[0], pose[2], k, curve_of(geometry, mode.v))
+        return _as_numpy(distance)
     array = as_triples(position, "position")
-    require_reach(array, pose_constants(geometry, mode))
+    require_reach(array, k)
     if mode.w1 == mode.w2:
-        return np.zeros(array.shape[:-1])
-    distance, _ = nearest_surface(geometry, mode.v, array)
-    return distance
+        return _as_numpy(np.zeros(array.shape[:-1]))
+    return _as_numpy(nearest_surface(geometry, mode.v, array).distance)
 
 
 def clearance_gradient(
@@ -188,12 +203,15 @@ def clearance_gradient(
         UnreachableError: A link is too short.
         SingularityError: In the modes w1 = w2 there is no way out.
     """
+    k = pose_constants(geometry, mode)
+    if (pose := as_pose(position)) and _measured(pose, k) and mode.w1 != mode.w2:
+        _, away_x, away_z, _ = nearest_of_pose(pose[0], pose[2], k, curve_of(geometry, mode.v))
+        return triple(away_x, 0.0, away_z)
     array = as_triples(position, "position")
-    require_reach(array, pose_constants(geometry, mode))
+    require_reach(array, k)
     if mode.w1 == mode.w2:
         raise SingularityError(
             f"in {mode} the legs are parallel at every pose; no direction leads away from that",
             family="legs_parallel",
         )
-    _, normal = nearest_surface(geometry, mode.v, array)
-    return normal
+    return nearest_surface(geometry, mode.v, array).away

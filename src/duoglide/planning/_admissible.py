@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics import _kernels as kernels
+from duoglide.kinematics import kernels
 from duoglide.kinematics.constants import carriage_constants
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
 from duoglide.kinematics.singularity import clearance

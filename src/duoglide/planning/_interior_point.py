@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._compiled import compiled, inlined
+from duoglide.kinematics.compiled import compiled, inlined
 
 MAX_STEPS = 80
 WIDTH = 4  # consecutive unknowns that a row touches

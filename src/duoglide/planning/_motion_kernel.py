@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._compiled import compiled, inlined
+from duoglide.kinematics.compiled import compiled, inlined
 from duoglide.motion import carriage_path
 
 _root = inlined(carriage_path._root)  # one formula, one place

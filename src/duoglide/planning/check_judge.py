@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._distance import nearest_surface
-from duoglide.kinematics._reach import reach_of
 from duoglide.kinematics.modes import WORKING
+from duoglide.kinematics.nearest import nearest_surface
+from duoglide.kinematics.reach import reach_of
 from duoglide.planning.check_margins import boxes, clearance, outside, places, travel
 from duoglide.planning.check_rules import Intervals, Parts, Rules, Verdict
 
@@ -37,7 +37,8 @@ def judge_points(rules: Rules, positions: FloatArray, cleared: bool = True) -> F
     inside = reach.lacking.max(axis=1) < 0.0
     clear = np.full(len(positions), np.inf)
     if cleared:
-        clear[inside], _ = nearest_surface(rules.machine.geometry, WORKING.v, positions[inside])
+        near = nearest_surface(rules.machine.geometry, WORKING.v, positions[inside])
+        clear[inside] = near.distance
     found, gap = places(rules.constants, positions[:, 1], reach)
     out = [outside(box, positions).max(axis=1) for box in rules.machine.keep_out]
     limit = rules.machine.geometry.rail_half_length

@@ -17,10 +17,10 @@ from typing import TypeAlias
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics._distance import nearest_surface
-from duoglide.kinematics._reach import Reach, reach_of
 from duoglide.kinematics.constants import Constants
 from duoglide.kinematics.modes import WORKING
+from duoglide.kinematics.nearest import nearest_surface
+from duoglide.kinematics.reach import Reach, reach_of
 from duoglide.machine import Box, Machine
 from duoglide.planning.check_rules import SURE, Parts, Rules
 
@@ -105,7 +105,7 @@ def clearance(rules: Rules, parts: Parts, inside: BoolArray) -> Bounded:
     states, half = parts.states, parts.half
     values, normal = np.full(half.size, -np.inf), np.zeros((half.size, 3))
     found = nearest_surface(rules.machine.geometry, WORKING.v, states[inside, 0])
-    values[inside], normal[inside] = found
+    values[inside], normal[inside] = found.distance, found.away
     speed = np.hypot(states[:, 1, 0], states[:, 1, 2])
     bow = 0.5 * np.hypot(parts.second[:, 0], parts.second[:, 2]) * half * half
     lowest = values - speed * half - bow
@@ -135,7 +135,7 @@ def _from_anchors(
     anchor = position + offset
     reached = reach_of(anchor, rules.constants).lacking.max(axis=1) < 0.0
     clear = np.full(spare.size, -np.inf)
-    clear[reached], _ = nearest_surface(geometry, WORKING.v, anchor[reached])
+    clear[reached] = nearest_surface(geometry, WORKING.v, anchor[reached]).distance
     ahead, behind = offset[:, ::2] - way, offset[:, ::2] + way
     bound: FloatArray = clear - np.maximum(np.hypot(*ahead.T), np.hypot(*behind.T))
     return bound

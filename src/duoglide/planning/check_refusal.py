@@ -8,10 +8,10 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import PathError, UnreachableError
-from duoglide.kinematics._distance import nearest_surface
-from duoglide.kinematics._reach import reach_of
 from duoglide.kinematics.model import inverse
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
+from duoglide.kinematics.nearest import nearest_surface
+from duoglide.kinematics.reach import reach_of
 from duoglide.kinematics.singularity import margins
 from duoglide.machine import Machine
 from duoglide.motion.curve import Curve
@@ -134,7 +134,7 @@ def _named(rules: Rules, family: int, worst: float, position: FloatArray) -> Bre
     machine, name, short = rules.machine, rules.families[family], max(-worst, 0.0)
     at_worst = f"at worst, at {show(position)} mm"
     if name == "clearance":
-        surface = _nearest_family(rules, position)
+        surface = nearest_surface(machine.geometry, WORKING.v, position).family
         text = (
             f"the clearance to {surface} falls to {machine.clearance + worst:.6g} mm {at_worst},"
             f" {short:.3g} mm less than the machine's clearance of {machine.clearance:g} mm"
@@ -156,24 +156,6 @@ def _named(rules: Rules, family: int, worst: float, position: FloatArray) -> Bre
         )
         return Breach("travel", text, short)
     return Breach("keep_out", f"the path is {short:.3g} mm inside {name} {at_worst}", short)
-
-
-def _nearest_family(rules: Rules, position: FloatArray) -> str:
-    """Name the singular surface that is nearest to a reachable position."""
-    distance, away = nearest_surface(rules.machine.geometry, WORKING.v, position)
-    foot = position - distance * away
-    reach = reach_of(foot, rules.constants)
-    cx, _base, l6, *_ = rules.constants
-    u, X, Z = foot[0] - cx, foot[0] - rules.constants[5], foot[2] - rules.constants[6]
-    arm, legs, strut = np.abs(reach.lacking)
-    values = {
-        "legs_flat": abs(reach.h),
-        "legs_vertical": legs,
-        "strut": strut,
-        "arm_flat": arm,
-        "arm_strut": abs(X * reach.A - Z * u) / l6,
-    }
-    return min(values, key=lambda name: float(values[name]))
 
 
 def _height(rules: Rules) -> str:

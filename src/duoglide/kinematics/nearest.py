@@ -3,46 +3,74 @@
 Coordinates (X, Z) are those of C3 seen from B3; all surfaces are cylinders along y. Of each surface
 only what lies in the closure of reach counts: whatever lies beyond is farther away than the edge,
 because the straight way to it crosses the edge.
+
+This is what lies under ``clearance``, for callers that know their positions to be within reach.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._case2 import Case2Curve, curve_of
+from duoglide.kinematics._case2 import Case2Curve, IndexArray, curve_of
 from duoglide.machine import Geometry
 
 BLOCK = 4096  # poses at a time, to bound the memory
+SURFACES = ("arm_flat", "strut", "legs_vertical", "legs_flat", "legs_vertical", "arm_strut")
 
 
-def nearest_surface(g: Geometry, v: int, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Nearest:
+    """The nearest singular surfaces or edges of reach of some positions.
+
+    Attributes:
+        distance: Distance to it [mm], shape (...).
+        away: Unit vector straight away from it, shape (..., 3).
+        surface: Which of ``SURFACES`` it is, shape (...).
+    """
+
+    distance: FloatArray
+    away: FloatArray
+    surface: IndexArray
+
+    @property
+    def family(self) -> Any:
+        """Names of the families, as in ``Margins``: an array of shape (...), or one name."""
+        return np.array(SURFACES)[self.surface]
+
+
+def nearest_surface(g: Geometry, v: int, position: FloatArray) -> Nearest:
     """Find the nearest surface of the branch ``v`` for reachable positions.
+
+    In the modes w1 = w2 every pose is singular besides (legs parallel); that is not looked at.
 
     Args:
         g: Dimensions of the robot.
         v: Sign of sin(beta).
         position: Platform centre O' [mm], shape (..., 3), within reach.
-
-    Returns:
-        Distance [mm], shape (...), and the unit vector away from the surface, shape (..., 3).
     """
     xb = g.platform_half_width - g.rail_half_spacing
     zb = g.carriage_height + g.strut_drop
     X = position[..., 0].ravel() - xb
     Z = position[..., 2].ravel() - zb
     distance, away = np.empty(X.shape), np.zeros((X.size, 3))
+    surface = np.empty(X.shape, dtype=np.intp)
     curve = curve_of(g, v)
     for start in range(0, X.size, BLOCK):
         part = slice(start, start + BLOCK)
-        distance[part], away[part, 0], away[part, 2] = _nearest(g, v, curve, X[part], Z[part])
-    return distance.reshape(position.shape[:-1]), away.reshape(position.shape)
+        found, surface[part] = _nearest(g, v, curve, X[part], Z[part])
+        distance[part], away[part, 0], away[part, 2] = found.T
+    shape = position.shape[:-1]
+    return Nearest(distance.reshape(shape), away.reshape(position.shape), surface.reshape(shape))
 
 
 def _nearest(
     g: Geometry, v: int, curve: Case2Curve, X: FloatArray, Z: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the distance and the two components of the direction away, each of shape (n,)."""
+) -> tuple[FloatArray, IndexArray]:
+    """Return the distance and the direction away, shape (n, 3), and which surface it is."""
     l2, l6, l9 = g.leg_length, g.arm_length, g.strut_length
     u = X - 2.0 * (g.rail_half_spacing - g.platform_half_width)
     rise = Z - (g.riser_height + g.arm_drop - g.strut_drop)
@@ -57,8 +85,7 @@ def _nearest(
     found.append(curve.nearest(X, Z, best))
     table = np.array(found)  # (surface, quantity, pose)
     first = table[:, 0].argmin(axis=0)
-    distance, away_x, away_z = table[first, :, np.arange(X.size)].T
-    return distance, away_x, away_z
+    return table[first, :, np.arange(X.size)], first
 
 
 def _half_circle(

@@ -1,7 +1,7 @@
 """The closed forms, once: for one pose in floats, and for columns of poses in arrays.
 
 Every ``_pose`` is plain arithmetic and ``sqrt``, and serves one pose as it stands. ``in_numpy``
-gives the same code a square root that takes arrays. ``_batch`` has numba compile the ``_loop``s.
+gives the same code functions that take arrays. ``_batch`` has numba compile the ``_loop``s.
 They run along flat arrays, so that the stride is a constant and the compiler can use vector
 registers. All three agree to the last bit.
 
@@ -12,7 +12,7 @@ plane, h the rise of the legs, p and q the strokes of legs and strut along y (PA
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import sqrt
+from math import cos, sin, sqrt
 from types import FunctionType
 from typing import Any
 
@@ -80,6 +80,20 @@ def forward_pose(a1: float, a2: float, a3: float, k: Constants) -> tuple[float, 
     return X + xb, y, Z + zb, sure
 
 
+def case2_point(delta: float, F1: float, l6: float, v: int) -> tuple[float, ...]:
+    """Point of the curve of case 2 seen from B3, X and Z, and its first and second derivatives."""
+    s, c = sin(delta), cos(delta)
+    pole = F1 / s
+    return (
+        F1 - l6 * s,
+        v * c * (l6 - pole),
+        -l6 * c,
+        v * (pole / s - l6 * s),
+        l6 * s,
+        -v * c * (l6 + 2.0 * pole / (s * s)),
+    )
+
+
 def inverse_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
     """Run ``inverse_pose`` along x, y, z, x, y, z, ...; return how many poses it cannot answer."""
     failed = 0
@@ -132,6 +146,7 @@ def legs_loop(rise: FloatArray, out: FloatArray, k: Constants) -> int:
 
 
 def in_numpy(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the same code with a square root that takes arrays."""
+    """Return the same code with functions that take arrays."""
     assert isinstance(kernel, FunctionType)
-    return FunctionType(kernel.__code__, {**kernel.__globals__, "sqrt": np.sqrt})
+    elementwise = {"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos}
+    return FunctionType(kernel.__code__, {**kernel.__globals__, **elementwise})
