@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.motion.path_picture import plot_refused
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +77,21 @@ def test_a_checked_path_shows_every_margin(move: dg.Trajectory, path: dg.Path) -
         assert needed.endswith("mm") and along.endswith("mm")
     titles = [axes.get_title(loc="left") for axes in checked.plot().axes]
     assert "Clearance [mm]" in titles
+
+
+def test_a_refused_path_is_drawn_with_the_place_where_it_fails() -> None:
+    machine = dg.Machine(work_frame=(0.0, 0.0, 10.0))  # the picture is in the machine's frame
+    path = dg.Path.polyline([(-41, -100, 280), (-41, 0, 335), (-70, 80, 370)], 2.0)
+    with pytest.raises(dg.PathError) as refusal:
+        dg.check_path(machine, path)
+    side, section, *_ = plot_refused(machine, path, refusal.value).axes
+    x, y, z = refusal.value.position
+    mark = side.lines[-1]
+    assert np.array(mark.get_data()).ravel() == pytest.approx([y, z])
+    across, up = np.array(side.lines[0].get_data())
+    assert np.hypot(across - y, up - z).min() < 0.2, "it lies on the path that is drawn"
+    assert section.get_ylim()[1] > 380.0, "all of the path is in the picture"
+    assert np.array(section.lines[-1].get_data()).ravel() == pytest.approx([x, z])
 
 
 def test_a_trajectory_shows_peaks_below_their_limits(move: dg.Trajectory) -> None:

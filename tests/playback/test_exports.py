@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -183,6 +184,19 @@ def test_a_run_is_the_same_as_itself_and_another_is_not(
     assert not result.same_setpoints
     assert result.first >= 30
     assert result.cycles[0] < result.cycles[1]
+
+
+def test_an_answer_that_did_not_come_is_no_difference(
+    write_run: WriteRun, at_full_speed: Pace
+) -> None:
+    one = read_run(read_log(write_run(at_full_speed)))
+    row = len(one) // 2
+    actual, missing = one.actual.copy(), one.missing.copy()
+    actual[row] += 5000
+    assert max(compare(one, replace(one, actual=actual)).actual) == pytest.approx(5.0)
+    missing[row] = 0b111
+    other = replace(one, actual=actual, missing=missing)
+    assert compare(one, other).actual == compare(other, one).actual == (0.0, 0.0, 0.0)
 
 
 def test_a_plan_has_no_frames_and_no_cycles(trajectory: dg.Trajectory, tmp_path: Path) -> None:

@@ -18,22 +18,32 @@ Program: TypeAlias = Annotated[
 ]
 Pick: TypeAlias = Annotated[
     str | None,
-    typer.Option("--pick", metavar="X,Y,Z", help="Instead of a program: from here [mm]."),
+    typer.Option("--pick", metavar="X,Y,Z", help=r"Instead of a program: from here \[mm]."),
 ]
 Place: TypeAlias = Annotated[
-    str | None, typer.Option("--place", metavar="X,Y,Z", help="To here [mm].")
+    str | None, typer.Option("--place", metavar="X,Y,Z", help=r"To here \[mm].")
 ]
 Lift: TypeAlias = Annotated[
-    str | None, typer.Option("--lift", metavar="MM", help="Up by this much [mm]. (default: 25)")
+    str | None, typer.Option("--lift", metavar="MM", help=r"Up by this much \[mm]. (default: 25)")
 ]
 Tolerance: TypeAlias = Annotated[
     str | None,
-    typer.Option("--tolerance", metavar="MM", help="Round the corners within this. (default: 2)"),
+    typer.Option(
+        "--tolerance", metavar="MM", help=r"Round the corners within this \[mm]. (default: 2)"
+    ),
+]
+Points: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--point", metavar="X,Y,Z", help=r"Instead of a program: two or more, in order \[mm]."
+    ),
 ]
 
 
 def read_path(
     program: Path | None,
+    *,
+    points: list[str] | None,
     pick: str | None,
     place: str | None,
     lift: str | None,
@@ -42,24 +52,31 @@ def read_path(
     """Build the path that the arguments describe.
 
     Raises:
-        typer.BadParameter: Neither a program nor a pick and a place, or both, or no numbers.
+        typer.BadParameter: Not one of a program, points, and a pick and a place; or no numbers.
         DuoglideError: The program cannot be read, or describes no path.
     """
     if program is not None:
-        if any(value is not None for value in (pick, place, lift, tolerance)):
+        if points or any(value is not None for value in (pick, place, lift, tolerance)):
             raise typer.BadParameter(
-                "--pick, --place, --lift and --tolerance do not go with a PROGRAM"
+                "--point, --pick, --place, --lift and --tolerance do not go with a PROGRAM"
             )
         from duoglide.planning.programs import read_program
 
         return read_program(program)
+    rounding = number(tolerance, "--tolerance", "mm") if tolerance is not None else 2.0
+    if points:
+        if any(value is not None for value in (pick, place, lift)):
+            raise typer.BadParameter("--pick, --place and --lift do not go with --point")
+        from duoglide.motion.path import Path as MotionPath
+
+        return MotionPath.polyline([point(text, "--point") for text in points], rounding)
     if pick is None or place is None:
-        raise typer.BadParameter("give a PROGRAM, or --pick X,Y,Z and --place X,Y,Z")
+        raise typer.BadParameter("give a PROGRAM, or --point twice, or --pick and --place X,Y,Z")
     from duoglide.planning.pick_and_place import pick_and_place
 
     return pick_and_place(
         point(pick, "--pick"),
         point(place, "--place"),
         lift=number(lift, "--lift", "mm") if lift is not None else 25.0,
-        tolerance=number(tolerance, "--tolerance", "mm") if tolerance is not None else 2.0,
+        tolerance=rounding,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
@@ -11,7 +13,9 @@ from duoglide.drawing.notebook import notebook_html
 from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
 from duoglide.drawing.section import draw_section
 from duoglide.errors import PathError
+from duoglide.kinematics.model import reachable
 from duoglide.kinematics.singularity import clearance
+from duoglide.machine import Machine
 from duoglide.motion.blend import Blend
 from duoglide.motion.blending import round_corners
 from duoglide.motion.checked import CheckedPath
@@ -22,6 +26,12 @@ from duoglide.motion.path_segments import show
 _SAMPLES = 2000
 _LEAST = 5.0  # [mm] that a view shows on both sides of the middle, however flat the path is
 _STEPS = (1, 2, 5, 10)  # of the scales
+_FAILURE: dict[str, Any] = {
+    "color": "#cc0050",
+    "markersize": 8.0,
+    "markeredgewidth": 2.0,
+    "label": "fails first here",
+}
 _LARGE, _SMALL = (7.0, 3.6), (5.0, 2.6)
 
 
@@ -65,25 +75,19 @@ def path_html(path: Path) -> str:
 
 def plot_checked(checked: CheckedPath, size: tuple[float, float] = (7.0, 5.6)) -> Picture:
     """Draw a checked path: see ``CheckedPath.plot``."""
-    points = _points_of(checked.curve)
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    room = clearance(checked.machine.geometry, points)
-    with drawn(size) as figure:
-        rows = figure.subplot_mosaic("aa;bc", height_ratios=(1.0, 1.6), width_ratios=(1.25, 1.0))
-        _draw_view(rows["a"], points, points[[0, -1]], (1, 2), "From the side")
-        draw_section(rows["b"], checked.machine, points)
-        rows["b"].plot(points[:, 0], points[:, 2], color=COLOURS[1], linewidth=2.0)
-        rows["b"].plot(*points[[0, -1]][:, ::2].T, ".", color=COLOURS[1], markersize=6.0)
-        rows["c"].plot(along, room, color=COLOURS[0])
-        rows["c"].axhline(checked.machine.clearance, color=LIMIT, linestyle="--", linewidth=1.0)
-        rows["c"].annotate(
-            "needed", (along[-1], checked.machine.clearance), (0.0, 2.0), ha="right", color=LIMIT,
-            textcoords="offset points", fontsize=7.5,
-        )  # fmt: skip
-        rows["c"].set(title="Clearance [mm]", xlabel="along the path [mm]")
-        rows["c"].set_ylim(0.0, 1.08 * max(room.max(), checked.machine.clearance))
-    return figure
+    return _plot_in(checked.machine, _points_of(checked.curve), None, size)
+
+
+def plot_refused(machine: Machine, path: Path, refusal: PathError) -> Picture:
+    """Draw a path that a machine cannot follow, as a checked one is drawn, and where it fails.
+
+    Raises:
+        PathError: Explicit blends do not fit, so that there is no path.
+    """
+    offset = np.subtract(machine.work_frame, machine.tool_offset)
+    points = _points_of(round_corners(path).curve.moved(offset))
+    where = np.array(refusal.position) if refusal.position else None
+    return _plot_in(machine, points, where, (7.0, 5.6))
 
 
 def checked_html(checked: CheckedPath) -> str:
@@ -108,6 +112,40 @@ def _points_of(curve: Curve) -> FloatArray:
     """Return positions along a curve [mm], shape (n, 3); the ends of its pieces are among them."""
     sigma = np.unique(np.concatenate([np.linspace(0.0, curve.end, _SAMPLES), curve.breaks]))
     return curve.derivatives(sigma)[:, 0]
+
+
+def _plot_in(
+    machine: Machine, points: FloatArray, failure: FloatArray | None, size: tuple[float, float]
+) -> Picture:
+    """Draw positions of the platform [mm], shape (n, 3), in the machine, and where they fail."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    within = reachable(machine.geometry, points)
+    room = np.full(len(points), np.nan)
+    room[within] = clearance(machine.geometry, points[within])
+    with drawn(size) as figure:
+        views = figure.subplot_mosaic("aa;bc", height_ratios=(1.0, 1.6), width_ratios=(1.25, 1.0))
+        side, section, way = views["a"], views["b"], views["c"]
+        _draw_view(side, points, points[[0, -1]], (1, 2), "From the side")
+        draw_section(section, machine, points)
+        section.plot(points[:, 0], points[:, 2], color=COLOURS[1], linewidth=2.0)
+        section.plot(*points[[0, -1]][:, ::2].T, ".", color=COLOURS[1], markersize=6.0)
+        way.plot(along, room, color=COLOURS[0])
+        way.axhline(machine.clearance, color=LIMIT, linestyle="--", linewidth=1.0)
+        way.annotate(
+            "needed", (along[-1], machine.clearance), (0.0, 2.0), ha="right", color=LIMIT,
+            textcoords="offset points", fontsize=7.5,
+        )  # fmt: skip
+        way.set(title="Clearance [mm]", xlabel="along the path [mm]")
+        way.set_xlim(-0.03 * along[-1], 1.03 * along[-1])
+        way.set_ylim(0.0, 1.08 * np.nanmax(room, initial=max(machine.clearance, 1.0)))
+        if failure is not None:
+            nearest = along[np.linalg.norm(points - failure, axis=1).argmin()]
+            side.plot(failure[1], failure[2], "x", **_FAILURE)
+            section.plot(failure[0], failure[2], "x", **_FAILURE)
+            way.axvline(nearest, color=_FAILURE["color"], linewidth=1.0)
+            side.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+    return figure
 
 
 def _draw_view(

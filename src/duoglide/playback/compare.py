@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from duoglide.arrays import AXES
 from duoglide.errors import LogError
 from duoglide.playback.run_data import IntArray, RunData
 
@@ -19,7 +20,7 @@ class Comparison:
         cycles: How many cycles on the program each has.
         common: How many were compared: those that neither run left out for being late.
         setpoint: Worst difference of setpoints per carriage [increments].
-        actual: Worst difference of actual positions per carriage [mm].
+        actual: Worst difference of actual positions per carriage [mm], where both answered.
         path_time: Worst difference of path time [s].
         first: Number of the first cycle on the program whose setpoints differ; -1 for none.
     """
@@ -57,12 +58,19 @@ def compare(one: RunData, other: RunData) -> Comparison:
         cycles=(len(rows[0]), len(rows[1])),
         common=len(common),
         setpoint=tuple(int(worst) for worst in setpoint.max(axis=0)),
-        actual=tuple(
-            float(worst) for worst in np.abs(one.actual_mm[a] - other.actual_mm[b]).max(axis=0)
-        ),
+        actual=_worst_actual(one, a, other, b),
         path_time=float(np.abs(one.path_time[a] - other.path_time[b]).max()),
         first=int(common[different[0]]) if len(different) else -1,
     )
+
+
+def _worst_actual(one: RunData, a: IntArray, other: RunData, b: IntArray) -> tuple[float, ...]:
+    """Return the worst difference of each carriage in rows where both runs have its answer [mm]."""
+    difference = np.abs(one.actual_mm[a] - other.actual_mm[b])
+    missing = one.missing[a] | other.missing[b]
+    for axis in range(AXES):
+        difference[(missing >> axis) & 1 == 1, axis] = 0.0
+    return tuple(float(worst) for worst in difference.max(axis=0, initial=0.0))
 
 
 def _program_rows(data: RunData) -> IntArray:

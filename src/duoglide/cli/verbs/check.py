@@ -10,11 +10,13 @@ import typer
 from duoglide.cli.console import say, say_facts, say_json, working
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import require_picture
-from duoglide.cli.program import Lift, Pick, Place, Program, Tolerance, read_path
+from duoglide.cli.program import Lift, Pick, Place, Points, Program, Tolerance, read_path
 from duoglide.errors import PathError
 
 if TYPE_CHECKING:
+    from duoglide.machine import Machine
     from duoglide.motion.checked import CheckedPath, LeastMargin
+    from duoglide.motion.path import Path as MotionPath
 
 _EXAMPLE = """\
 Examples:
@@ -46,6 +48,7 @@ def add_to(app: typer.Typer) -> None:
 def check(
     program: Program = None,
     *,
+    point: Points = None,
     pick: Pick = None,
     place: Place = None,
     lift: Lift = None,
@@ -58,17 +61,20 @@ def check(
 ) -> None:
     """Explain a path in words: reach, rails, order of the carriages, room to every singularity.
 
-    A path that the machine cannot follow is refused with where, what and by how much.
+    A path that the machine cannot follow is refused with where, what and by how much; the picture
+    marks the place.
     """
     require_picture(picture)
     described = load_machine(machine)
-    path = read_path(program, pick, place, lift, tolerance)
+    path = read_path(program, points=point, pick=pick, place=place, lift=lift, tolerance=tolerance)
     from duoglide.planning.check import check_path
 
     try:
         with working("checking"):
             checked = check_path(described, path)
     except PathError as error:
+        if picture is not None:
+            _draw_refused(described, path, error, picture)
         if as_json:
             say_json(_refusal(error))
         raise
@@ -80,6 +86,15 @@ def check(
         say_json(_numbers(checked))
     else:
         _explain(checked)
+
+
+def _draw_refused(machine: Machine, path: MotionPath, error: PathError, picture: Path) -> None:
+    """Draw where a path fails, unless its blends do not fit: then there is nothing to draw."""
+    from duoglide.drawing.picture import save
+    from duoglide.motion.path_picture import plot_refused
+
+    if error.position:
+        save(plot_refused(machine, path, error), picture)
 
 
 def _explain(checked: CheckedPath) -> None:

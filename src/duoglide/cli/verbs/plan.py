@@ -10,7 +10,7 @@ import typer
 from duoglide.cli.console import percent, progress, say, say_facts, say_json
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import require_picture, require_place
-from duoglide.cli.program import Lift, Pick, Place, Program, Tolerance, read_path
+from duoglide.cli.program import Lift, Pick, Place, Points, Program, Tolerance, read_path
 
 if TYPE_CHECKING:
     from duoglide.motion.audit import Audit
@@ -20,6 +20,8 @@ _EXAMPLE = """\
 Examples:
 
 duoglide plan --pick -41,-152.5,295 --place -41,152.5,295 --lift 25 --out plan.mcap
+
+duoglide plan --point -41,-50,295 --point -41,-50,320 --point -41,50,320 --tolerance 4
 
 duoglide plan program.toml --machine cell.toml --picture plan.png
 """
@@ -33,6 +35,7 @@ def add_to(app: typer.Typer) -> None:
 def plan(
     program: Program = None,
     *,
+    point: Points = None,
     pick: Pick = None,
     place: Place = None,
     lift: Lift = None,
@@ -57,7 +60,7 @@ def plan(
     require_place(out)
     require_picture(picture)
     described = load_machine(machine)
-    path = read_path(program, pick, place, lift, tolerance)
+    path = read_path(program, points=point, pick=pick, place=place, lift=lift, tolerance=tolerance)
     from duoglide.planning.plan import plan as make_plan
 
     with progress("planning", 1.0) as done:

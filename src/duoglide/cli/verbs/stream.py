@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _EXAMPLE = """\
 Examples:
 
-duoglide stream plan.mcap --log run.mcap
+duoglide stream plan.mcap --approach --log run.mcap
 
 duoglide stream plan.mcap --bus socketcan:can0 --approach --override 20
 
