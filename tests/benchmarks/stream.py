@@ -15,7 +15,7 @@ import duoglide as dg
 from duoglide.control.connection import stream_settings
 from duoglide.control.orders import Command, Happening, Order
 from duoglide.control.power import Power
-from duoglide.control.program import Program, prepare
+from duoglide.control.program import Fence, Program, prepare
 from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.control.stream import Streamer
 from duoglide.drives import pdo
@@ -90,7 +90,8 @@ def main(cycles: int = 1_000_000) -> int:
     machine = dg.Machine.default()
     ends = (-41.0, -100.0, 300.0), (-41.0, 100.0, 300.0)
     ways = [dg.transfer(machine, *ends), dg.transfer(machine, *ends[::-1])]
-    programs = [prepare(way, machine, i + 1, Phase.PROGRAM) for i, way in enumerate(ways)]
+    fence = Fence.of(machine)
+    programs = [prepare(way, fence, i + 1, Phase.PROGRAM) for i, way in enumerate(ways)]
     world = World(programs[0].first)
     world.programs = {program.number: program for program in programs}
     streamer = Streamer(world, stream_settings(machine), world, world)

@@ -13,7 +13,7 @@ import pytest
 import duoglide as dg
 from duoglide.control.orders import Command, Happening, StreamSettings
 from duoglide.control.power import Power
-from duoglide.control.program import Program, prepare
+from duoglide.control.program import Fence, Program, prepare
 from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.control.stream import Streamer
 from duoglide.control.supervise import Condition, Policy
@@ -142,7 +142,7 @@ class Bench:
         return self
 
     def run(self, trajectory: Any, override: float = 1.0) -> Program:
-        program = prepare(trajectory, self.machine, len(self.programs) + 1, Phase.PROGRAM)
+        program = prepare(trajectory, Fence.of(self.machine), len(self.programs) + 1, Phase.PROGRAM)
         self.programs[program.number] = program
         self.order(Command.RUN, program.number, override)
         return program

@@ -33,12 +33,12 @@ def test_a_setpoint_beyond_the_rails_is_refused_before_anything_is_sent(
     bench: Any, machine: dg.Machine
 ) -> None:
     with pytest.raises(dg.LimitError, match=r"carriage 2 at 0\.\d+ s is refused"):
-        prepare(bench.straight(length=300.0), machine, 1, Phase.PROGRAM)
+        prepare(bench.straight(length=300.0), Fence.of(machine), 1, Phase.PROGRAM)
 
 
 def test_a_step_that_no_stop_limit_allows_is_refused(bench: Any, machine: dg.Machine) -> None:
     with pytest.raises(dg.LimitError, match="greatest step"):
-        prepare(bench.straight(length=200.0, duration=0.01), machine, 1, Phase.PROGRAM)
+        prepare(bench.straight(length=200.0, duration=0.01), Fence.of(machine), 1, Phase.PROGRAM)
 
 
 @pytest.mark.parametrize("direction", [(1, 1, 1), (-1, 1, -1)])
@@ -57,7 +57,9 @@ def test_the_fence_knows_which_way_a_drive_counts(
 
 def test_a_program_with_a_wait_has_a_grid_for_each_leg(bench: Any, machine: dg.Machine) -> None:
     wait = WaitInput(1, 3, True)
-    program = prepare(bench.straight(actions=((0.5031, wait),)), machine, 1, Phase.PROGRAM)
+    program = prepare(
+        bench.straight(actions=((0.5031, wait),)), Fence.of(machine), 1, Phase.PROGRAM
+    )
     first, second = program.legs
     assert (first.end, second.start, first.wait, second.wait) == (0.5031, 0.5031, wait, None)
     assert first.grid[-1] == second.grid[0]
@@ -79,7 +81,7 @@ def test_whatever_the_operator_does_setpoints_stay_on_the_path_and_in_the_fence(
     commands: list[tuple[int, str | float]],
 ) -> None:
     machine = dg.Machine.default()
-    program = prepare(there(), machine, 1, Phase.PROGRAM)
+    program = prepare(there(), Fence.of(machine), 1, Phase.PROGRAM)
     motion = Motion(program, 1.0)
     previous, u = program.first, 0.0
     for cycles, command in [*commands, (1, "resume"), (400, 1.0)]:

@@ -186,6 +186,25 @@ def test_a_creep_shows_what_the_drive_reports_and_returns(ready: dg.Robot) -> No
     np.testing.assert_allclose(ready.carriages, before, atol=0.05)
 
 
+def test_out_of_where_it_must_not_stand_it_comes_only_by_recovering() -> None:
+    cramped = replace(MACHINE, clearance=54.0)
+    low = (-41.0, 0.0, 285.0)
+    with dg.Robot.connect(MACHINE) as robot:
+        robot.enable()
+        robot.home()
+        robot.move_to(low, override=1.0)
+        robot.machine = cramped
+        assert dg.clearance(MACHINE.geometry, robot.position) < cramped.clearance
+        with pytest.raises(dg.PathError):
+            robot.move_to(HOME)
+        assert robot.recover().completed
+        left = dg.clearance(MACHINE.geometry, robot.position)
+        assert left > cramped.clearance
+        stands = robot.carriages
+        robot.recover()
+        np.testing.assert_allclose(robot.carriages, stands, atol=0.01)
+
+
 def test_drives_describe_themselves_to_whoever_asks(ready: dg.Robot) -> None:
     reports = describe_drives(MACHINE, ready.bus)
     assert [report.axis for report in reports] == [1, 2, 3]
@@ -236,7 +255,8 @@ def test_the_host_says_so_when_the_streamer_is_gone(there: dg.Trajectory) -> Non
 
 def test_a_machine_runs_over_udp_too(there: dg.Trajectory) -> None:
     bus = "udp:239.74.163.2:43211"  # where bursts get lost: only ``virtual`` bridges by itself
-    machine = replace(MACHINE, drives=replace(MACHINE.drives, missing_frames=60))
+    patient = replace(MACHINE.drives, missing_frames=60, sdo_timeout=1.0, sdo_retries=6)
+    machine = replace(MACHINE, drives=patient)
     start = home_carriages(machine).tolist()
     with (
         SimulatedDrives(machine.drives, start, bus=bus),

@@ -8,7 +8,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.fitness import require_fit
-from duoglide.control.program import prepare
+from duoglide.control.program import Fence, prepare
 from duoglide.motion.actions import WaitInput
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
@@ -36,7 +36,7 @@ def test_a_changed_pace_comes_back_setpoint_for_setpoint(
 ) -> None:
     recorded = rebuild(read_log(write_run(paced(overrides))))
     assert not recorded.at_full_speed
-    [leg] = prepare(recorded.motion, trajectory.machine, 1, Phase.PROGRAM).legs
+    [leg] = prepare(recorded.motion, Fence.of(trajectory.machine), 1, Phase.PROGRAM).legs
     data = recorded.data
     sent = data.setpoint[data.on_program]
     again = np.array(leg.grid[1 : len(sent) + 1])

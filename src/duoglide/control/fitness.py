@@ -41,14 +41,28 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
         PathError: It leaves reach, travel, clearance or free space; says where.
         LimitError: It asks for more than a limit of this machine.
     """
-    count = max(_FEWEST, int(trajectory.duration / _PERIOD))
-    times = np.linspace(0.0, trajectory.duration, count)
+    times = _times(trajectory)
     state, positions = trajectory.at(times), trajectory.position_at(times)
     _require_geometry(machine, positions, state.carriages)
     _require_room(machine, positions, times)
     if trajectory.report.method is TimingMethod.RECORDED:
         return _require_stop_limits(machine, trajectory)
     return _require_limits(machine, state, times)
+
+
+def limit_use(trajectory: Trajectory, machine: Machine) -> LimitUse:
+    """Return how much of a machine's limits a trajectory uses.
+
+    Raises:
+        LimitError: More than there is of one.
+    """
+    times = _times(trajectory)
+    return _require_limits(machine, trajectory.at(times), times)
+
+
+def _times(trajectory: Trajectory) -> FloatArray:
+    count = max(_FEWEST, int(trajectory.duration / _PERIOD))
+    return np.linspace(0.0, trajectory.duration, count)
 
 
 def _require_geometry(machine: Machine, positions: FloatArray, carriages: FloatArray) -> None:

@@ -14,7 +14,14 @@ class Cyclic(Protocol):
     done: bool
 
     def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
-        """Do one cycle."""
+        """Do one cycle.
+
+        Args:
+            number: Of this cycle; skipped ones count.
+            time: Now [ns].
+            lateness: How long after its deadline it begins [ns].
+            skipped: How many cycles before it were left out.
+        """
         ...
 
 

@@ -8,6 +8,8 @@ from enum import IntEnum
 from duoglide.control.tracks import AxisTrack
 from duoglide.drives.cia402 import Control, State, controlword_towards
 
+_BRAKING = 0.5  # [s] that drives get for a quick stop before their power is taken
+_LEAVING = 1.0  # [s] that drives get to switch off once the host is gone
 _RESET_PERIOD = 16  # cycles: half of them with bit 7, half without, so that an edge comes again
 
 
@@ -64,3 +66,20 @@ _WORDS: dict[tuple[Power, State | None], int] = {
 def all_in(tracks: Sequence[AxisTrack], state: State) -> bool:
     """Whether every drive has last shown ``state``."""
     return all(track.state is state for track in tracks)
+
+
+class Departure:
+    """How the drives are left once the host is gone: at rest first, then without power."""
+
+    def __init__(self) -> None:
+        self._seconds = 0.0
+
+    def may_switch_off(self, seconds: float, braking: bool) -> bool:
+        """Let time pass [s]; whether drives that may be braking by themselves have had theirs."""
+        self._seconds += seconds
+        return not braking or self._seconds > _BRAKING
+
+    def is_over(self, power: Power, tracks: Sequence[AxisTrack]) -> bool:
+        """Whether all are off, or have had all the time that they get."""
+        off = power is Power.OFF and all_in(tracks, State.SWITCH_ON_DISABLED)
+        return off or self._seconds > _BRAKING + _LEAVING

@@ -7,7 +7,7 @@ because an override takes path times that no grid foresaw.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,7 @@ class Fence:
         step: Greatest change in one cycle.
         scales: Between carriages [mm] and increments.
         gap: Distance that carriages 1 and 2 keep [mm].
+        cycle: Between two setpoints [s].
     """
 
     low: IntTriple
@@ -45,6 +46,7 @@ class Fence:
     step: IntTriple
     scales: Scales
     gap: float
+    cycle: float
 
     @classmethod
     def of(cls, machine: Machine) -> Fence:
@@ -55,7 +57,22 @@ class Fence:
         way = machine.stop_limits.velocity * machine.drives.cycle * _STEP_RESERVE
         steps = np.abs(scales.increments(way)) + 1
         return cls(
-            _triple(ends[0]), _triple(ends[1]), _triple(steps), scales, machine.carriage_width
+            low=_triple(ends[0]),
+            high=_triple(ends[1]),
+            step=_triple(steps),
+            scales=scales,
+            gap=machine.carriage_width,
+            cycle=machine.drives.cycle,
+        )
+
+    def reaching(self, carriages: FloatArray) -> Fence:
+        """Return the fence moved out to where the carriages stand [mm], shape (3,)."""
+        here = self.scales.triple(carriages)
+        return replace(
+            self,
+            low=_triple(np.minimum(self.low, here)),
+            high=_triple(np.maximum(self.high, here)),
+            gap=min(self.gap, float(carriages[1] - carriages[0])),
         )
 
     def refuses(self, target: IntTriple, previous: IntTriple, cycles: int = 1) -> int:
@@ -102,7 +119,6 @@ class Program:
         phase: Approach or program.
         trajectory: For path times off the grid.
         bounds: How the path rate may change.
-        cycle: [s].
         legs: In order.
         outputs: Path time [s] and what to switch there, in order.
         fence: What no setpoint may leave.
@@ -112,10 +128,14 @@ class Program:
     phase: Phase
     trajectory: Trajectory
     bounds: StopBounds
-    cycle: float
     legs: tuple[Leg, ...]
     outputs: tuple[tuple[float, SetOutput], ...]
     fence: Fence
+
+    @property
+    def cycle(self) -> float:
+        """Between two setpoints [s]."""
+        return self.fence.cycle
 
     @property
     def first(self) -> IntTriple:
@@ -127,7 +147,7 @@ class Program:
         return self.fence.scales.triple(self.trajectory.at(u).carriages)
 
 
-def prepare(trajectory: Trajectory, machine: Machine, number: int, phase: Phase) -> Program:
+def prepare(trajectory: Trajectory, fence: Fence, number: int, phase: Phase) -> Program:
     """Compute and validate every setpoint of the nominal grid.
 
     Raises:
@@ -138,7 +158,7 @@ def prepare(trajectory: Trajectory, machine: Machine, number: int, phase: Phase)
     outputs = tuple((t, a) for t, a in trajectory.actions if isinstance(a, SetOutput))
     ends: list[tuple[float, WaitInput | None]] = [*waits, (trajectory.duration, None)]
     starts = [0.0, *(t for t, _ in waits)]
-    fence, cycle = Fence.of(machine), machine.drives.cycle
+    cycle = fence.cycle
     legs = []
     for start, (end, wait) in zip(starts, ends, strict=True):
         times = grid_times(start, end, cycle)
@@ -147,7 +167,7 @@ def prepare(trajectory: Trajectory, machine: Machine, number: int, phase: Phase)
         legs.append(Leg(start, end, tuple(map(_triple, grid)), wait))
     for before, after in pairwise(legs):
         _validate(np.array([before.grid[-1], after.grid[0]]), np.array([before.end] * 2), fence)
-    return Program(number, phase, trajectory, trajectory.stops, cycle, tuple(legs), outputs, fence)
+    return Program(number, phase, trajectory, trajectory.stops, tuple(legs), outputs, fence)
 
 
 def grid_times(start: float, end: float, cycle: float) -> FloatArray:

@@ -7,17 +7,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from duoglide.arrays import FloatArray, as_triples, read_only
+from duoglide.arrays import as_triples
 from duoglide.control.approach import way_to_start
+from duoglide.control.connected import ConnectedMachine
 from duoglide.control.connection import Connection
-from duoglide.control.drivetrain import Drivetrain
-from duoglide.control.fitness import require_fit
+from duoglide.control.fitness import limit_use, require_fit
 from duoglide.control.handle import RunHandle, RunPlan, require_override
-from duoglide.control.program import prepare
+from duoglide.control.program import Fence, prepare
 from duoglide.control.report import RunReport
 from duoglide.control.run_log import RunLog
 from duoglide.control.verdict import require_success
-from duoglide.drives.cia402 import State, decode
 from duoglide.errors import DriveError, DuoglideError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward
@@ -26,15 +25,13 @@ from duoglide.storage.records import Phase
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from duoglide.control.supervise import Trip
-    from duoglide.drives.simulated import SimulatedDrives
     from duoglide.machine import Machine
     from duoglide.motion.trajectory import Trajectory
 
 _STOP_PATIENCE = 10.0  # [s] for a stop on the path, at any override
 
 
-class Robot:
+class Robot(ConnectedMachine):
     """A connected machine; a resource: use ``with Robot.connect(...) as robot``.
 
     Args:
@@ -43,9 +40,7 @@ class Robot:
     """
 
     def __init__(self, machine: Machine, connection: Connection) -> None:
-        self.machine = machine
-        self._connection = connection
-        self._drives = Drivetrain(machine, connection)
+        super().__init__(machine, connection)
         self._run: RunHandle | None = None
         self._number = 0
 
@@ -96,63 +91,6 @@ class Robot:
             print(f"while closing: {error}", file=sys.stderr)
         finally:
             self._connection.close()
-
-    # What it is
-
-    @property
-    def bus(self) -> str:
-        """Name of the bus, as others can open it."""
-        return self._connection.bus
-
-    @property
-    def simulated(self) -> SimulatedDrives | None:
-        """The simulated drives of a ``virtual`` bus; None where they are somebody else's."""
-        return self._connection.simulated
-
-    @property
-    def homed(self) -> bool:
-        """Whether the drives' position reference is known."""
-        return self._drives.homed
-
-    @property
-    def enabled(self) -> bool:
-        """Whether all three drives are under power and follow setpoints."""
-        return self._drives.enabled
-
-    @property
-    def latched(self) -> tuple[Trip, ...]:
-        """What has made the machine stop since the last ``reset_fault``, in order."""
-        return self._drives.latched
-
-    @property
-    def states(self) -> tuple[State, State, State]:
-        """The CiA 402 states of the drives.
-
-        Raises:
-            DriveError: A statusword matches no state.
-        """
-        first, second, third = map(decode, self._drives.latest.statusword)
-        return first, second, third
-
-    @property
-    def carriages(self) -> FloatArray:
-        """Where the drives say that the carriages are [mm], shape (3,)."""
-        return read_only(self._drives.carriages)
-
-    @property
-    def held(self) -> FloatArray:
-        """Where the setpoints hold the carriages [mm], shape (3,)."""
-        return read_only(self._drives.held)
-
-    @property
-    def position(self) -> FloatArray:
-        """Platform centre O' in the base frame, from the carriages [mm], shape (3,).
-
-        Raises:
-            NotHomedError: The reference is not known.
-        """
-        self._drives.require_homed()
-        return forward(self.machine.geometry, self.carriages)
 
     # Power and reference
 
@@ -232,15 +170,7 @@ class Robot:
             PathError: The machine is not at the start, and no approach was asked for.
             DriveError: A drive has failed; the machine has been stopped and the log is whole.
         """
-        handle = self.start(trajectory, log, approach, override)
-        try:
-            report = handle.wait()
-        except KeyboardInterrupt:
-            handle.stop()
-            handle.wait(_STOP_PATIENCE)
-            raise
-        require_success(report)
-        return report
+        return _to_the_end(self.start(trajectory, log, approach, override))
 
     def start(
         self,
@@ -251,24 +181,31 @@ class Robot:
     ) -> RunHandle:
         """Begin a run and return its handle; takes and raises what ``run`` does."""
         override = require_override(override)
-        self._drives.require_homed()
-        if self._run is not None and not self._run.done:
-            raise DriveError("a run is in progress; wait for it or stop it first")
-        self._end_run()
-        self._drives.require_power("a run")
+        self._require_ready()
         use = require_fit(trajectory, self.machine)
         way = way_to_start(self.machine, self._drives.held, trajectory, approach)
         run_log = None
         if log is not None:
             run_log = RunLog(Path(log), self.machine, trajectory, way, self.bus)
+        fence = Fence.of(self.machine)
         first = None
         if way is not None:
-            first = prepare(way, self.machine, self._next_number(), Phase.APPROACH)
+            first = prepare(way, fence, self._next_number(), Phase.APPROACH)
             self._connection.process.load(first)
-        program = prepare(trajectory, self.machine, self._next_number(), Phase.PROGRAM)
+        program = prepare(trajectory, fence, self._next_number(), Phase.PROGRAM)
         self._connection.process.load(program)
+        return self._begin(RunPlan(first, program, override, self._drives.scales, use), run_log)
+
+    def _require_ready(self) -> None:
+        """Refuse to move what is not ready for it, and end what is over."""
+        self._drives.require_homed()
+        if self._run is not None and not self._run.done:
+            raise DriveError("a run is in progress; wait for it or stop it first")
+        self._end_run()
+        self._drives.require_power("a run")
+
+    def _begin(self, plan: RunPlan, run_log: RunLog | None) -> RunHandle:
         self._drives.require_power("a run")  # planning takes its time, and much may have happened
-        plan = RunPlan(first, program, override, self._drives.scales, use)
         self._run = RunHandle(plan, self._connection.process, self._connection.monitor, run_log)
         return self._run
 
@@ -311,6 +248,29 @@ class Robot:
         """Go home, to the pose with the most room, where the power may go off."""
         return self.move_to(home_position(self.machine))
 
+    def recover(self) -> RunReport:
+        """Back out of where the machine must not stand, at creep speed.
+
+        After a fault a carriage may stand past its travel, two of them too close, or the platform
+        too near a singular surface for any run to begin. On the way out nothing that is too small
+        gets smaller. Where nothing is wrong, nothing moves.
+
+        Raises:
+            NotHomedError: The reference is not known.
+            PathError: Where the platform is cannot be told, or there is no way out.
+            DriveError: No power, or a drive has failed.
+        """
+        from duoglide.planning.recover import recover
+
+        self._require_ready()
+        way = recover(self.machine, self._drives.held)
+        fence = Fence.of(self.machine).reaching(self._drives.held)
+        program = prepare(way, fence, self._next_number(), Phase.PROGRAM)
+        self._connection.process.load(program)
+        use = limit_use(way, self.machine)
+        plan = RunPlan(None, program, 1.0, self._drives.scales, use)
+        return _to_the_end(self._begin(plan, None))
+
     # Inside
 
     def _next_number(self) -> int:
@@ -325,3 +285,15 @@ class Robot:
         if not run.done:
             run.stop()
         run.wait(_STOP_PATIENCE)
+
+
+def _to_the_end(handle: RunHandle) -> RunReport:
+    """Wait for a run; Ctrl-C stops it along its path."""
+    try:
+        report = handle.wait()
+    except KeyboardInterrupt:
+        handle.stop()
+        handle.wait(_STOP_PATIENCE)
+        raise
+    require_success(report)
+    return report

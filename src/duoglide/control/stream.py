@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from duoglide.arrays import AXES
 from duoglide.control.motion import OVER, Motion, MotionState
 from duoglide.control.orders import Command, Happening, Inbox, Outbox, Refusal, StreamSettings
-from duoglide.control.power import Power, all_in, controlword
+from duoglide.control.power import Departure, Power, all_in, controlword
 from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.control.supervise import Condition, Reaction
 from duoglide.control.watch import Watch
@@ -24,12 +24,8 @@ if TYPE_CHECKING:
     from duoglide.control.link import Link
     from duoglide.control.scale import IntTriple
 
-SETPOINT_DELAY = (
-    2  # cycles from the SYNC that a setpoint follows to the SYNC at which it is reached
-)
+SETPOINT_DELAY = 2  # cycles from the SYNC that a setpoint follows to the SYNC when it is reached
 _ZEROS: IntTriple = (0, 0, 0)
-_BRAKING = 0.5  # [s] that drives get for a quick stop before their power is taken
-_LEAVING = 1.0  # [s] that drives get to switch off once the host is gone
 _CONDITIONS = {condition: index for index, condition in enumerate(Condition)}
 
 
@@ -56,18 +52,11 @@ class Streamer:
         self._outputs = [0] * AXES
         self._power, self._enabled = Power.SILENT, False
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
-        self._leaving = 0
+        self._departure = Departure()
         self.done = False
 
     def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
-        """Do one cycle.
-
-        Args:
-            number: Of this cycle; skipped ones count.
-            time: Now [ns].
-            lateness: How long after its deadline it begins [ns].
-            skipped: How many cycles before it were left out.
-        """
+        """Do one cycle; see ``loop.Cyclic``."""
         self._wire.begin(number, self._cycle)
         self._wire.listen(1 + skipped)
         if self._cycle:
@@ -227,14 +216,12 @@ class Streamer:
             self._motion = None
 
     def _leave(self) -> None:
-        """Once the host is gone and everything stands: power off, wait for the drives, end."""
-        self._leaving += (1 + self._skipped) * self._settings.cycle
-        if self._watch.reaction is not Reaction.QUICK_STOP or self._leaving > _BRAKING * 1e9:
+        """The host is gone and everything stands: power off, wait for the drives, end."""
+        seconds = (1 + self._skipped) * self._settings.cycle * 1e-9
+        braking = self._watch.reaction is Reaction.QUICK_STOP
+        if self._departure.may_switch_off(seconds, braking):
             self._power, self._enabled = Power.OFF, False
-        off = all_in(self._tracks, State.SWITCH_ON_DISABLED)
-        self.done = self._leaving > (_BRAKING + _LEAVING) * 1e9 or (
-            off and self._power is Power.OFF
-        )
+        self.done = self._departure.is_over(self._power, self._tracks)
 
     # Setpoints
 
