@@ -15,20 +15,22 @@ from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import room
 from duoglide.planning.braking import BrakeReport, Brakes, brake_report
 from duoglide.planning.stopping import stop_bounds
+from duoglide.planning.timing_span import peaks
 
 Retime = Callable[[FloatArray, FloatArray], Trajectory]
 """Time the same curve again under a cap on d sigma/dt: sigma (n,) and the cap there (n,), linear in
 between, ``NO_CAP`` where there is none."""
 
-NO_CAP = 1e6  # mm/s
+NO_CAP = 1e12  # mm/s
 
-_MARGIN = 0.02  # mm that caps keep beyond each bound, where the path itself has so much
+_MARGIN = 0.5  # mm that caps keep beyond each bound, where the path itself has so much
 _HARMLESS = 2e-4  # mm: no brake that is over within this needs a cap
-_HALVINGS = 8
+_HALVINGS = 10
 _FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # of the time from brake to standstill
 _SAMPLE = 0.0005  # s of the plan between two caps
-_MOST_SAMPLES = 40_000
+_FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
 _CHUNK = 2_000
+_NONE = -1e3  # mm, room where the links come apart
 _ROUNDS = 4
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
 _SLOWER = 1.05
@@ -85,7 +87,7 @@ def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
 
 def _sampled(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
     """Return where the trajectory moves, and how fast along its curve there."""
-    count = min(max(8, int(np.ceil(trajectory.duration / _SAMPLE))), _MOST_SAMPLES)
+    count = int(np.clip(trajectory.duration / _SAMPLE, _FEWEST_SAMPLES, _MOST_SAMPLES))
     motion = trajectory.profile.at(np.linspace(0.0, trajectory.duration, count + 1))
     sigma, first = np.unique(motion[:, 0], return_index=True)
     speed = motion[first, 1]
@@ -119,18 +121,19 @@ def _caps(path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArra
     q, slope = states[:, 0], states[:, 1] * speed[:, None]
     machine = path.machine
     wanted = np.clip(0.5 * room(machine, q).least(), 0.0, _MARGIN)
+    deceleration = np.array(machine.drives.quick_stop_deceleration)
+    distance = (slope**2 / (2.0 * deceleration)).max(axis=-1)
+    low = np.sqrt(_HARMLESS / np.maximum(distance, _HARMLESS))
     safe = _safe(machine, q, slope, wanted)
-    low, high = np.where(safe, 1.0, 0.0), np.ones(sigma.size)
-    rows = np.flatnonzero(~safe)
-    for _ in range(_HALVINGS):
-        middle = np.sqrt(0.5 * (low[rows] ** 2 + high[rows] ** 2))  # halves the way of the brake
+    low[safe] = 1.0
+    rows = np.flatnonzero(low < 1.0)
+    high = np.ones(sigma.size)
+    for _ in range(_HALVINGS):  # of the ratio: the speed to begin with may be any times too high
+        middle = np.sqrt(low[rows] * high[rows])
         safe = _safe(machine, q[rows], middle[:, None] * slope[rows], wanted[rows])
         low[rows] = np.where(safe, middle, low[rows])
         high[rows] = np.where(safe, high[rows], middle)
-    deceleration = np.array(machine.drives.quick_stop_deceleration)
-    distance = (slope**2 / (2.0 * deceleration)).max(axis=-1)
-    harmless = np.minimum(1.0, np.sqrt(_HARMLESS / np.maximum(distance, _HARMLESS)))
-    caps: FloatArray = speed * np.maximum(low, harmless)
+    caps: FloatArray = speed * low
     return caps
 
 
@@ -141,7 +144,8 @@ def _safe(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArray) ->
     least = np.full(len(q), np.inf)
     for coast in (0.0, machine.drives.cycle):
         brakes = Brakes(machine, q, v, np.full(len(q), coast))
-        places = np.stack([brakes.at(np.full(len(q), f)) for f in _FRACTIONS])
-        least = np.minimum(least, room(machine, places).least().min(axis=0))
+        places = np.stack([brakes.at(np.full(len(q), f)) for f in _FRACTIONS], axis=1)
+        here = np.maximum(room(machine, places).least(), _NONE)
+        least = np.minimum(least, -peaks(-here))
     safe: BoolArray = least > wanted
     return safe

@@ -243,6 +243,6 @@ def peaks(samples: FloatArray) -> FloatArray:
     slope = 0.5 * (after - before)
     with np.errstate(divide="ignore", invalid="ignore"):
         inside = np.abs(slope) < -bend  # the parabola has its peak between the outer two
-        top = np.where(inside, middle - 0.5 * slope * slope / bend, 0.0)
+        top = np.where(inside, middle - 0.5 * slope * slope / bend, middle)
     largest: FloatArray = np.maximum(samples.max(axis=1), top.max(axis=1))
     return largest
