@@ -79,6 +79,20 @@ def test_a_checked_path_shows_every_margin(move: dg.Trajectory, path: dg.Path) -
     assert "Clearance [mm]" in titles
 
 
+def test_every_value_has_a_short_repr_with_its_unit(move: dg.Trajectory, path: dg.Path) -> None:
+    checked = dg.check_path(dg.Machine.default(), path)
+    values = (
+        path, checked, checked.report, checked.curve, move, move.at(0.1), move.path, move.profile,
+        move.stops, move.audit(), dg.transfer(move.machine, (-41, 0, 302), (-41, 5, 302)).path,
+    )  # fmt: skip
+    for value in values:
+        assert len(repr(value)) < 240, repr(value)
+        assert re.search(r"[\d)] (mm|s)\b", repr(value)), repr(value)
+    assert repr(move.at(np.zeros((2, 3)))) == "State(2 x 3 times)"
+    tightest = checked.report.tightest
+    assert rows(checked.report._repr_html_())[tightest.family][0] == f"{tightest.margin:.2f} mm"
+
+
 def test_a_refused_path_is_drawn_with_the_place_where_it_fails() -> None:
     machine = dg.Machine(work_frame=(0.0, 0.0, 10.0))  # the picture is in the machine's frame
     path = dg.Path.polyline([(-41, -100, 280), (-41, 0, 335), (-70, 80, 370)], 2.0)

@@ -97,6 +97,12 @@ class Audit:
             return "no carriage limit holds the motion back"
         return "; ".join(str(share) for share in self.shares)
 
+    def __repr__(self) -> str:
+        return (
+            f"Audit({self.duration:.4f} s, worst use {100.0 * self.worst:.1f} %,"
+            f" least clearance {self.least_clearance:.2f} mm)"
+        )
+
     def __str__(self) -> str:
         lines = [
             f"duration {self.duration:.4f} s, {self.picks_per_minute:.1f} picks per minute",

@@ -28,6 +28,9 @@ class CarriagePath:
 
     checked: CheckedPath
 
+    def __repr__(self) -> str:
+        return f"CarriagePath({self.length:.6g} mm, {self.checked.path!r})"
+
     @property
     def machine(self) -> Machine:
         """The machine that it was checked for."""

@@ -63,6 +63,14 @@ class CheckReport:
                 return entry
         raise KeyError(family)
 
+    def __repr__(self) -> str:
+        return f"CheckReport({len(self.least)} margins, tightest {self.tightest})"
+
+    def _repr_html_(self) -> str:
+        from duoglide.motion.path_picture import margins_html
+
+        return margins_html(self)
+
     @property
     def tightest(self) -> LeastMargin:
         """The rule that is nearest to being broken; the single surfaces count by the clearance."""

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from duoglide.arrays import FloatArray
-from duoglide.drawing.notebook import notebook_html
+from duoglide.drawing.notebook import Rows, notebook_html
 from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
 from duoglide.drawing.section import draw_section
 from duoglide.errors import PathError
@@ -18,7 +18,7 @@ from duoglide.kinematics.singularity import clearance
 from duoglide.machine import Machine
 from duoglide.motion.blend import Blend
 from duoglide.motion.blending import round_corners
-from duoglide.motion.checked import CheckedPath
+from duoglide.motion.checked import CheckedPath, CheckReport
 from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import show
@@ -94,8 +94,19 @@ def checked_html(checked: CheckedPath) -> str:
     """Return what a notebook shows of a checked path."""
     head = [("from", f"{show(checked.path.start)} mm"), ("to", f"{show(checked.path.end)} mm")]
     head.append(("length", f"{float(checked.curve.length):.1f} mm"))
-    least = [("least margin", "is", "needed", "along the path", "platform at")]
-    least += [
+    return notebook_html(
+        "Checked path", [head, _margins(checked.report)], plot_checked(checked, (6.0, 4.8))
+    )
+
+
+def margins_html(report: CheckReport) -> str:
+    """Return what a notebook shows of a check's margins."""
+    return notebook_html("Least margins", [_margins(report)])
+
+
+def _margins(report: CheckReport) -> Rows:
+    """Return a table of the least margins."""
+    return [("least margin", "is", "needed", "along the path", "platform at")] + [
         (
             entry.family.replace("_", " "),
             f"{entry.margin:.2f} mm",
@@ -103,9 +114,8 @@ def checked_html(checked: CheckedPath) -> str:
             f"{entry.arc_length:.1f} mm",
             f"({', '.join(f'{value:.1f}' for value in entry.position)}) mm",
         )
-        for entry in checked.report.least
+        for entry in report.least
     ]
-    return notebook_html("Checked path", [head, least], plot_checked(checked, (6.0, 4.8)))
 
 
 def _points_of(curve: Curve) -> FloatArray:

@@ -55,6 +55,9 @@ class Profile:
         store(self, "_times", knots[:-1, TIME].tolist())
         store(self, "_rows", [tuple(row) for row in polynomials.tolist()])
 
+    def __repr__(self) -> str:
+        return f"Profile({self.duration:.4f} s, {self.end:.4g} mm, {len(self.knots)} knots)"
+
     @property
     def duration(self) -> float:
         """Time of the last knot [s]."""

@@ -118,6 +118,9 @@ class StopBounds:
                     f"{name}.until[{k}] = {table.until[k]:g} s: a change needs {need[k]:g} s"
                 )
 
+    def __repr__(self) -> str:
+        return f"StopBounds({self.duration:.4f} s, {self.falling.slope.size} cells)"
+
     @classmethod
     def constant(cls, duration: float, slope: float, bend: float) -> StopBounds:
         """Return one pair of bounds for the whole trajectory, both ways."""

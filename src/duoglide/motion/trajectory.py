@@ -17,6 +17,7 @@ from duoglide.machine import Machine
 from duoglide.motion.actions import Action, action_from_dict
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
 from duoglide.motion.checked import CheckedPath
+from duoglide.motion.path_segments import show
 from duoglide.motion.profile import Profile
 from duoglide.motion.stopping import StopBounds
 from duoglide.motion.timing_report import TimingReport
@@ -46,6 +47,13 @@ class State:
     velocity: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+
+    def __repr__(self) -> str:
+        if self.carriages.ndim > 1:
+            return f"State({' x '.join(map(str, self.carriages.shape[:-1]))} times)"
+        units = ("mm", "mm/s", "mm/s²", "mm/s³")
+        rows = (self.carriages, self.velocity, self.acceleration, self.jerk)
+        return f"State({', '.join(f'{show(row)} {u}' for row, u in zip(rows, units, strict=True))})"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -53,6 +53,9 @@ class TransferPath:
         least = as_number(self.least_clearance, "least_clearance")
         object.__setattr__(self, "least_clearance", least)
 
+    def __repr__(self) -> str:
+        return f"TransferPath({self.duration:.4f} s, {self.length:.4g} mm)"
+
     @property
     def duration(self) -> float:
         """How long the motion takes at full rate [s]."""
