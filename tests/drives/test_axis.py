@@ -13,7 +13,7 @@ from duoglide.drives.axis import Axis
 from duoglide.drives.buses import frame_sender
 from duoglide.drives.cia402 import Control, Mode, State
 from duoglide.drives.configure import interpolation_time
-from duoglide.drives.pdo import RPDO1, SYNC, Nmt, pack_setpoint
+from duoglide.drives.pdo import RPDO1, SYNC, pack_setpoint
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.errors import ConfigError, DriveError, DriveFault, DriveTimeout
 from duoglide.machine import DriveSettings, Homing, Quirks
@@ -71,15 +71,21 @@ def test_describing_changes_nothing(axis: Axis, drives: SimulatedDrives) -> None
 
 
 def test_a_wrong_node_number_names_the_nodes_that_are_there(network: canopen.Network) -> None:
-    for node in (1, 2, 3):
-        network.send_message(0, bytes((Nmt.RESET_COMMUNICATION, node)))
     axis = Axis(network, DriveSettings(node_ids=(9, 2, 3), boot_timeout=0.2), 1)
     with pytest.raises(
-        DriveTimeout, match=r"node 9 does not answer.*nodes heard: 1, 2, 3"
+        DriveTimeout,
+        match=r"node 9 does not answer .* nodes 1, 2, 3 do, of which node_ids does not name 1",
     ) as error:
         axis.wait_for_boot()
     assert error.value.axis == 1
     axis.close()
+
+
+def test_a_bus_without_anybody_is_named(drives: SimulatedDrives, axis: Axis) -> None:
+    for number in (1, 2, 3):
+        drives.inject(faults.Reboot(number, delay=2.5))
+    with pytest.raises(DriveTimeout, match="node 1 does not answer for 1 s; no other node does"):
+        axis.wait_for_boot()
 
 
 def test_a_drive_that_boots_late_is_waited_for(drives: SimulatedDrives, axis: Axis) -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from duoglide.drives.buses import open_bus, parse_bus
 from duoglide.drives.hub import Hub
 from duoglide.drives.socketcand import (
+    EXTENDED,
     MessageSplitter,
     SocketcandBus,
     decode_send,
@@ -88,7 +89,8 @@ def receive(bus: can.BusABC, count: int) -> list[tuple[int, bytes]]:
     return frames
 
 
-frames = st.lists(st.tuples(st.integers(0, (1 << 29) - 1), st.binary(max_size=8)), max_size=8)
+identifiers = st.integers(0, 0x7FF) | st.integers(EXTENDED, EXTENDED | (1 << 29) - 1)
+frames = st.lists(st.tuples(identifiers, st.binary(max_size=8)), max_size=8)
 
 
 @settings(max_examples=50, deadline=None)
@@ -103,7 +105,8 @@ def test_messages_survive_any_cutting(sent: list[tuple[int, bytes]], cuts: list[
 
 
 @pytest.mark.parametrize(
-    "text", ["send 123 2 11", "send 123 9 1 2 3 4 5 6 7 8 9", "send xyz 0", "send 123 1 1FF"]
+    "text",
+    ["send 123 2 11", "send 123 9 1 2 3 4 5 6 7 8 9", "send xyz 0", "send 123 1 1FF", "send 800 0"],
 )
 def test_a_frame_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
@@ -127,11 +130,13 @@ def test_frames_are_taken_as_messages_are_but_for_what_the_cycle_does_not_hear()
     station = Listener()
     with running(station) as hub:
         plain, quick, sender = connect(hub), connect(hub), connect(hub)
-        sent = [(0x181, bytes(6)), (0x7FF, b""), (0x12345, b"\1"), (0x82, bytes(range(8)))]
+        sent = [(0x181, bytes(6)), (0x7FF, b""), (0x182, b"\1"), (0x82, bytes(range(8)))]
         for can_id, data in sent:
-            extended = can_id > 0x7FF
+            extended = can_id == 0x182
             sender.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=extended))
         assert receive(plain, len(sent)) == sent
+        with pytest.raises(can.CanOperationError, match="cannot send remote frames"):
+            sender.send(can.Message(arbitration_id=0x181, is_remote_frame=True))
         taken: list[tuple[int, bytes]] = []
 
         def all_there() -> bool:
@@ -139,7 +144,7 @@ def test_frames_are_taken_as_messages_are_but_for_what_the_cycle_does_not_hear()
             return len(taken) >= 3
 
         wait_until(all_there)
-        assert taken == [frame for frame in sent if frame[0] != 0x12345]
+        assert taken == [frame for frame in sent if frame[0] != 0x182]
         for bus in (plain, quick, sender):
             bus.shutdown()
 
@@ -147,11 +152,12 @@ def test_frames_are_taken_as_messages_are_but_for_what_the_cycle_does_not_hear()
 def test_python_can_reads_what_the_hub_writes() -> None:
     from can.interfaces.socketcand.socketcand import convert_ascii_message_to_can_message
 
-    for can_id, data in [(0x80, b""), (0x181, b"\x37\x12\x00\x00\x01\xff"), (0x12345, b"\x01")]:
+    data = b"\x37\x12\x00\x00\x01\xff"
+    for can_id in (0x80, 0x181, EXTENDED | 0x12345, EXTENDED | 0x181):
         message = convert_ascii_message_to_can_message(encode_frame(can_id, data, 1.5).decode())
         assert message is not None
-        assert (message.arbitration_id, bytes(message.data)) == (can_id, data)
-        assert message.is_extended_id == (can_id > 0x7FF)
+        assert (message.arbitration_id, bytes(message.data)) == (can_id & ~EXTENDED, data)
+        assert message.is_extended_id == bool(can_id & EXTENDED)
         assert message.timestamp == 1.5
 
 

@@ -16,6 +16,7 @@ from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import ConfigError, DriveTimeout
 
 _PROFILE = 402
+_SCAN_PATIENCE = 0.3  # [s]
 _INVALID = 1 << 31  # of a PDO's COB-ID
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
@@ -76,14 +77,25 @@ def wait_for_boot(drive: DriveObjects) -> None:
         except DriveTimeout:
             if time.monotonic() < deadline:
                 continue
-        heard = sorted(set(drive.network.scanner.nodes) - {drive.settings.host_id})
-        others = f"nodes heard: {', '.join(map(str, heard))}" if heard else "no node was heard"
         raise DriveTimeout(
             f"axis {drive.number}: node {drive.node_id} does not answer for"
-            f" {drive.settings.boot_timeout:g} s; {others}. Its supply, its node number and its"
-            f" bit rate ({drive.settings.bit_rate} bit/s) are the first things to check",
+            f" {drive.settings.boot_timeout:g} s; {_who_answers(drive)}. Its supply, its node"
+            f" number and its bit rate ({drive.settings.bit_rate} bit/s) are to be checked first",
             axis=drive.number,
         )
+
+
+def _who_answers(drive: DriveObjects) -> str:
+    """Ask all nodes that a bus may have for something that each of them knows."""
+    drive.network.scanner.reset()  # whoever was heard before may be gone
+    drive.network.scanner.search()
+    time.sleep(_SCAN_PATIENCE)
+    heard = sorted(set(drive.network.scanner.nodes) - {drive.settings.host_id})
+    if not heard:
+        return "no other node does"
+    strangers = [node for node in heard if node not in drive.settings.node_ids]
+    unknown = f", of which node_ids does not name {', '.join(map(str, strangers))}"
+    return f"nodes {', '.join(map(str, heard))} do" + (unknown if strangers else "")
 
 
 def identify(drive: DriveObjects) -> Identity:

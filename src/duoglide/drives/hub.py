@@ -202,4 +202,4 @@ class Hub:
 
 
 def _is_sync(words: list[bytes]) -> bool:
-    return words[0] == b"send" and words[1].lstrip(b"0") == b"80"
+    return words[0] == b"send" and words[1:2] in ([b"80"], [b"080"])

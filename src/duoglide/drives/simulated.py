@@ -105,7 +105,7 @@ def _receive_all(bus: can.BusABC, rack: DriveRack) -> None:
     """Hand over what waits on the bus, or what comes within the drives' patience."""
     message = bus.recv(rack.patience)
     while message is not None:
-        if not (message.is_error_frame or message.is_remote_frame):
+        if not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
             now = time.monotonic_ns() // 1000
             rack.receive(message.arbitration_id, bytes(message.data), now)
         message = bus.recv(0.0)

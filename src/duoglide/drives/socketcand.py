@@ -18,23 +18,28 @@ import can
 
 from duoglide.drives.pdo import ERROR_FRAME
 
-Frame = tuple[int, bytes]  # identifier, data; identifiers above 0x7FF are extended
+Frame = tuple[int, bytes]  # identifier, data
 
-_STANDARD_IDS = 0x800
+EXTENDED = 1 << 31  # set in the identifier of a 29-bit frame, as SocketCAN has it
+_EXTENDED_IDS = 1 << 29
+_STANDARD_IDS = 1 << 11
 _STANDARD_DIGITS = 3
 _WRITE_PATIENCE = 0.1  # how long a send may wait for room in the socket [s]
 
 
 def encode_send(can_id: int, data: bytes | bytearray) -> bytes:
     """Return the message by which a client sends a frame."""
-    name = f"{can_id:03X}" if can_id < _STANDARD_IDS else f"{can_id:08X}"
-    return f"< send {name} {len(data):X} {data.hex(' ')} >".encode()
+    return f"< send {_name(can_id)} {len(data):X} {data.hex(' ')} >".encode()
 
 
 def encode_frame(can_id: int, data: bytes | bytearray, seconds: float) -> bytes:
     """Return the message by which the server hands a frame on."""
-    name = f"{can_id:03X}" if can_id < _STANDARD_IDS else f"{can_id:08X}"
-    return f"< frame {name} {seconds:.6f} {data.hex()} >".encode()
+    return f"< frame {_name(can_id)} {seconds:.6f} {data.hex()} >".encode()
+
+
+def _name(can_id: int) -> str:
+    """Write an identifier: the number of digits says whether it is extended."""
+    return f"{can_id & ~EXTENDED:08X}" if can_id & EXTENDED else f"{can_id:03X}"
 
 
 def decode_send(words: list[bytes]) -> Frame:
@@ -44,10 +49,11 @@ def decode_send(words: list[bytes]) -> Frame:
         ValueError: Not a frame: no such identifier, or another number of bytes than it says.
     """
     data = bytes([int(word, 16) for word in words[3:]])
-    can_id = int(words[1], 16)
-    if len(data) != int(words[2], 16) or len(data) > 8 or not 0 <= can_id < 1 << 29:
+    can_id, extended = int(words[1], 16), len(words[1]) > _STANDARD_DIGITS
+    known = 0 <= can_id < (_EXTENDED_IDS if extended else _STANDARD_IDS)
+    if len(data) != int(words[2], 16) or len(data) > 8 or not known:
         raise ValueError(f"not a frame: {b' '.join(words)!r}")
-    return can_id, data
+    return can_id | EXTENDED if extended else can_id, data
 
 
 class MessageSplitter:
@@ -178,8 +184,15 @@ class SocketcandBus(can.BusABC):
         return (self._received.popleft() if self._received else None), False
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send one frame."""
-        self._write(encode_send(msg.arbitration_id, bytes(msg.data)))
+        """Send one frame.
+
+        Raises:
+            can.CanOperationError: As ``send_frames``; or a remote frame, which the protocol lacks.
+        """
+        if msg.is_remote_frame:
+            raise can.CanOperationError("socketcand cannot send remote frames")
+        can_id = msg.arbitration_id | (EXTENDED if msg.is_extended_id else 0)
+        self._write(encode_send(can_id, bytes(msg.data)))
 
     def send_frames(self, frames: Sequence[Frame]) -> None:
         """Send several frames by one system call, in their order.
