@@ -12,6 +12,7 @@ import pickle
 import socket
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from struct import Struct
@@ -59,6 +60,7 @@ class StreamerProcess:
     def __init__(self, assignment: Assignment) -> None:
         descriptor = Ring.allocate()
         self.ring = Ring(descriptor)
+        self._ordering = threading.Lock()
         self._orders, orders = socket.socketpair()
         self._bulk, bulk = socket.socketpair()
         theirs = (descriptor, orders.fileno(), bulk.fileno())
@@ -96,7 +98,9 @@ class StreamerProcess:
             BusError: The streamer is gone.
         """
         try:
-            self._orders.sendall(ORDER.pack(command, argument, value))
+            with self._ordering:
+                self._orders.sendall(ORDER.pack(command, argument, value))
+                self.ring.announce_order()
         except OSError as error:
             raise BusError("the streamer process is gone; the drives have stopped") from error
 

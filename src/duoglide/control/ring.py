@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from struct import Struct
 from typing import Any, NamedTuple
 
-_HEAD = 64  # bytes, eight words; the first four are the counters
-_WRITTEN, _READ, _DROPPED, _ALIVE = range(4)
+_HEAD = 64  # bytes, eight words; the first five are the counters
+_WRITTEN, _READ, _DROPPED, _ALIVE, _ORDERS = range(5)
 IntTriple = tuple[int, int, int]
 
 CAPACITY = 16384  # records: half a minute at 500 Hz
@@ -143,6 +143,15 @@ class Ring:
     def signs_of_life(self) -> int:
         """How often the reader has shown life."""
         return self._words[_ALIVE]
+
+    def announce_order(self) -> None:
+        """Let the writer know that an order waits; one thread at a time."""
+        self._words[_ORDERS] += 1
+
+    @property
+    def orders(self) -> int:
+        """How many orders have been announced."""
+        return self._words[_ORDERS]
 
     @property
     def dropped(self) -> int:

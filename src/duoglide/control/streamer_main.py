@@ -27,6 +27,7 @@ from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
 
 _LOADED_EARLY = (Trajectory, TransferPath)  # an import while cycles run would hold them up
+_ASK_ANYWAY = 8  # cycles after which the socket is asked for its end, announced or not
 _KEPT = 3  # programs: an approach, its run, and the one after
 
 
@@ -35,18 +36,25 @@ class SocketInbox:
 
     Args:
         orders: Fixed-size orders.
+        ring: In which the host announces them: to ask a socket is dear.
         host: Process number of the host.
     """
 
-    def __init__(self, orders: socket.socket, host: int) -> None:
+    def __init__(self, orders: socket.socket, ring: Ring, host: int) -> None:
         orders.setblocking(False)
-        self._socket, self._host = orders, host
+        self._socket, self._ring, self._host = orders, ring, host
+        self._known = self._unasked = 0
         self._rest = b""
         self._ended = False
         self._programs: dict[int, Program] = {}
 
     def orders(self) -> list[Order]:
         """Return the orders that have come."""
+        announced = self._ring.orders
+        self._unasked += 1
+        if announced == self._known and self._unasked < _ASK_ANYWAY:
+            return []
+        self._known, self._unasked = announced, 0
         try:
             data = self._socket.recv(4096)
         except BlockingIOError:
@@ -102,7 +110,7 @@ def main(arguments: list[str]) -> int:
     descriptor, orders, bulk = map(int, arguments)
     ring = Ring(descriptor)
     programs = socket.socket(fileno=bulk)
-    inbox = SocketInbox(socket.socket(fileno=orders), os.getppid())
+    inbox = SocketInbox(socket.socket(fileno=orders), ring, os.getppid())
     assignment = receive_pickle(programs)
     if not isinstance(assignment, Assignment):
         return 2
