@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import duoglide as dg
 from duoglide.motion.rate import ClockState, PathClock
 from duoglide.motion.stopping import StopBounds
+from duoglide.planning._stopping_kernel import largest_slopes, windows
 from duoglide.planning.stopping import stop_bounds
 
 STEPS = 1400  # of a clock in the time of a trajectory
@@ -129,3 +130,34 @@ def test_a_motion_that_goes_nowhere_has_bounds() -> None:
     assert still.stops.duration == still.duration
     empty = SimpleNamespace(machine=MACHINE, duration=0.0, at=still.at)
     assert stop_bounds(empty) == StopBounds.constant(0.0, 250.0, 62500.0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_largest_slope_uses_some_limit_fully_and_breaks_none(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rho, cells = float(rng.choice([1.0, 0.5, 0.2])), 20
+    peaks = rng.uniform(0.0, np.array([4e3, 50e3, 2e6])[:, None, None], (2, 3, cells, 3))
+    limits = np.array([np.full(3, 60e3), np.full(3, 3e6)])
+    r = np.linspace(0.5, 1.0, 200)
+    share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - r) / rho))  # r' there, over R1
+    found = np.full((2, cells), 1e9)
+    largest_slopes(peaks, (limits, 0.0 * limits), (r, share), rho, found)
+    speed, r, share = peaks[:, 0].max(axis=0)[:, None], r[:, None], share[:, None]
+    for way, slopes in zip((-1, 1), found, strict=True):
+        for factor, kept in ((1.0, True), (1.01, False)):
+            slope, worst = factor * slopes[:, None, None], np.zeros(cells)
+            for own, added in zip(peaks, peaks[::way], strict=True):
+                v, a = added[0][:, None], added[1][:, None]
+                acceleration = own[1][:, None] * r**2 + v * share * slope
+                jerk = own[2][:, None] * r**3 + 3.0 * a * r * share * slope + speed * slope**2 / rho
+                for limit, use in zip(limits, (acceleration, jerk), strict=True):
+                    worst = np.maximum(worst, (use / limit).max(axis=(1, 2)))
+            assert np.all((worst <= 1.0 + 1e-9) == kept)
+
+
+def test_a_window_is_as_long_as_a_stop_with_the_least_slope_in_it() -> None:
+    largest = np.random.default_rng(3).uniform(10.0, 100.0, 400)
+    slope, last = windows(largest, 900.0)
+    for k in range(400):
+        assert slope[k] == largest[k : last[k] + 1].min()
+        assert last[k] == 399 or last[k] - k >= 900.0 / slope[k]

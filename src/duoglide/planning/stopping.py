@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from duoglide.arrays import FloatArray
 from duoglide.machine import Machine
 from duoglide.motion.stopping import RateTable, StopBounds
+from duoglide.planning._stopping_kernel import largest_slopes, windows
 
 CELL = 0.002  # s of path time, at the least
 _CELLS_A_STOP = 40  # that are enough, if stops are so slow
@@ -33,6 +34,7 @@ RESERVE = 0.02  # what a change may use at least, as a share of each stop limit
 _SHAPES = np.array([1.0, 0.5, 0.2])  # rho
 _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in what r' may be;
 # below 1/2 every term is smaller than at 1/2
+_LIMITED = ("acceleration", "jerk")
 _MOST_CELLS = 100_000
 _CHUNK = 4_000
 
@@ -82,16 +84,20 @@ def _least_stop(trajectory: Timed) -> float:
     return float(np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max())
 
 
-def _allowed(trajectory: Timed, cells: int) -> tuple[FloatArray, FloatArray]:
-    """Return the largest R1 of each shape and cell, falling and rising, (shapes, cells) each."""
+def _allowed(trajectory: Timed, cells: int) -> FloatArray:
+    """Return the largest R1 of each shape and cell, falling and rising, (2, shapes, cells)."""
+    limits = np.stack([getattr(trajectory.machine.stop_limits, name) for name in _LIMITED])
+    share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
     both = np.empty((2, _SHAPES.size, cells))
     for begin in range(0, cells, _CHUNK):
         part = slice(begin, min(begin + _CHUNK, cells))
         peaks = _peaks(trajectory, cells, part)
-        for row, way in zip(both, (-1, 1), strict=True):
-            for k, rho in enumerate(_SHAPES):
-                row[k, part] = _largest_slope(trajectory.machine, peaks, rho, way)
-    return both[0], both[1]
+        for k, rho in enumerate(_SHAPES.tolist()):
+            found = np.full((2, peaks.shape[2]), LARGEST_SLOPE)
+            levels = _LEVELS[1:], share[k]
+            largest_slopes(peaks, (limits, RESERVE * limits), levels, rho, found)
+            both[:, k, part] = found
+    return both
 
 
 def _table(allowed: FloatArray, duration: float) -> RateTable:
@@ -125,52 +131,17 @@ def _peaks(trajectory: Timed, cells: int, part: slice) -> FloatArray:
     return np.maximum(peaks, 0.0)
 
 
-def _largest_slope(machine: Machine, peaks: FloatArray, rho: float, way: int) -> FloatArray:
-    """Return the largest R1 that each cell allows with R2 = R1^2 / rho, shape (cells,).
-
-    ``way`` is the sign of r'. Each limit is looked at from both sides: what the plan itself adds
-    there is ``own``; with r' < 0, q' r' and q'' r' add to it where q' and q'' have the other sign.
-    """
-    limits = machine.stop_limits
-    speed = peaks[:, 0].max(axis=0)[:, None, :]
-    r = _LEVELS[1:, None]  # the upper edge of each cell of r
-    share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1, None]) / rho))  # of R1, at its lower
-    largest = np.full(peaks.shape[2], LARGEST_SLOPE)
-    for own, added in zip(peaks, peaks[::way], strict=True):
-        v, a = added[0][:, None, :], added[1][:, None, :]
-        spare = limits.acceleration - own[1][:, None, :] * r**2
-        room = limits.jerk - own[2][:, None, :] * r**3
-        spare = np.maximum(spare, RESERVE * limits.acceleration)
-        room = np.maximum(room, RESERVE * limits.jerk)
-        half = 1.5 * a * r * share
-        with np.errstate(divide="ignore"):
-            by_acceleration = spare / (v * share)
-            by_jerk = room / (half + np.sqrt(half**2 + room * speed / rho))
-        least = np.minimum(by_acceleration, by_jerk).min(axis=(1, 2))
-        largest = np.minimum(largest, least)
-    return largest
-
-
 def _through_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
     """Return for each shape and cell the R1 that its whole window allows, and the window's end.
 
     The window of R1 is as long as the way of a stop in path time. It grows cell by cell, and R1
     falls with it, until it is long enough; at the end of the trajectory it always is.
     """
-    shapes, cells = largest.shape
+    cells = largest.shape[1]
     cell = duration / cells
-    length = 0.5 * (1.0 + _SHAPES[:, None])
-    slope = np.array(largest)
-    reach = np.zeros((shapes, cells), dtype=np.int64)
-    rows, starts = (index.ravel() for index in np.indices((shapes, cells)))
-    for ahead in range(1, cells):
-        short = length[rows, 0] / slope[rows, starts] > cell * (ahead - 1)
-        grow = short & (starts + ahead < cells)
-        rows, starts = rows[grow], starts[grow]
-        if not rows.size:
-            break
-        slope[rows, starts] = np.minimum(slope[rows, starts], largest[rows, starts + ahead])
-        reach[rows, starts] = ahead
-    last = np.arange(cells) + reach
-    until = np.where(last == cells - 1, duration, cell * (last + 1.0))
-    return slope, until
+    found = [
+        windows(row, 0.5 * (1.0 + rho) / cell)
+        for row, rho in zip(largest, _SHAPES.tolist(), strict=True)
+    ]
+    slope, last = (np.stack(column) for column in zip(*found, strict=True))
+    return slope, np.where(last == cells - 1, duration, cell * (last + 1.0))
