@@ -13,6 +13,7 @@ from duoglide.control.monitor import Monitor
 from duoglide.control.orders import Happening, StreamSettings
 from duoglide.control.process import Assignment, StreamerProcess
 from duoglide.control.supervise import Condition, Policy
+from duoglide.drives.alone import require_alone
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
@@ -37,7 +38,7 @@ class Connection:
         bus: Name of the bus; ``virtual`` starts simulated drives at the machine's home.
 
     Raises:
-        BusError: The bus cannot be opened.
+        BusError: The bus cannot be opened, or another host is on it.
     """
 
     def __init__(self, machine: Machine, bus: str) -> None:
@@ -50,6 +51,8 @@ class Connection:
             drives = SimulatedDrives(machine.drives, start, standstill=standstill)
             self.simulated = self._resources.enter_context(drives)
             bus = self.simulated.address
+        else:
+            require_alone(bus, machine.drives)
         self.bus = bus
         self._start_stream()
 
