@@ -9,7 +9,8 @@ taken out and named. Needs the optional extra ``duoglide[symbolic]``.
 from duoglide.kinematics.symbolic.dimensions import Dimensions
 from duoglide.kinematics.symbolic.families import Determinants, Family, singularities
 from duoglide.kinematics.symbolic.loops import LoopEquations, loop_equations
-from duoglide.kinematics.symbolic.surfaces import Space, SpuriousFactor, Surface, surfaces
+from duoglide.kinematics.symbolic.ring import Space
+from duoglide.kinematics.symbolic.surfaces import SpuriousFactor, Surface, surfaces
 
 __all__ = [
     "Determinants",

@@ -72,6 +72,11 @@ class Dimensions:
         return cls(*(sympy.Rational(repr(value)) for value in values))
 
     @property
+    def symbolic(self) -> bool:
+        """Whether these are the paper's symbols."""
+        return bool(getattr(self.b, "is_Symbol", False))
+
+    @property
     def half_offset(self) -> Any:
         """K = b - d: x of the platform where the arm stands upright."""
         return self.b - self.d

@@ -1,122 +1,71 @@
-"""Elimination of variables by resultants, in the coordinates that make it short.
-
-Nothing changes when everything moves along y, so two combinations of the carriages are enough, and
-x and z count best from B3: the reduced variables are X = x - d + b, Z = z - l8 - l1,
-B = yA2 - yA1 - l3, W = yA1 + yA2 - 2 yA3 and y, taken from the middle of the carriages 1 and 2.
-"""
+"""Elimination of variables by resultants."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial, reduce
+from operator import mul
 from typing import Any
 
-from duoglide.kinematics.symbolic.dimensions import Dimensions, require_sympy
-from duoglide.kinematics.symbolic.families import Family
-from duoglide.kinematics.symbolic.loops import LoopEquations
+from duoglide.kinematics.symbolic.polynomials import (
+    coefficients,
+    factors_with,
+    holds,
+    on_circle,
+    resultant,
+)
 
 
-@dataclass(frozen=True, slots=True)
-class Reduced:
-    """Variables of the reduced system: h is the rise of the legs, c and s belong to beta."""
+@dataclass(frozen=True, slots=True, eq=False)
+class System:
+    """Equations in a polynomial ring over the rationals, and what to eliminate from them.
 
-    X: Any
-    Z: Any
-    B: Any
-    W: Any
-    y: Any
-    c: Any
-    s: Any
-    h: Any
-
-    @classmethod
-    def symbols(cls) -> Reduced:
-        """Return fresh symbols."""
-        return cls(*require_sympy().symbols("X Z B W y cos_beta sin_beta h"))
-
-    @property
-    def all(self) -> frozenset[Any]:
-        """Every variable."""
-        return frozenset((self.X, self.Z, self.B, self.W, self.y, self.c, self.s, self.h))
-
-
-def reduced_system(loops: LoopEquations, v: Reduced, k: Any, e: Any) -> tuple[Any, ...]:
-    """Rewrite the loop equations in the reduced variables.
-
-    Args:
-        loops: The loop equations.
-        v: The reduced variables.
-        k: Value or symbol for b - d.
-        e: Value or symbol for l4 + l7 - l8.
+    Attributes:
+        polynomials: Elements of the ring; cos^2 + sin^2 - 1 is one of them.
+        order: Generators to eliminate, in turn.
+        kept: Generators that the result is in; the others are dimensions.
+        cosine: The generator cos(beta).
+        sine: The generator sin(beta).
     """
-    sympy = require_sympy()
-    g: Dimensions = loops.dimensions
-    x, y, z = loops.position
-    yA1, yA2, yA3 = loops.carriages
-    half = (v.B + g.l3) / sympy.Integer(2)
-    change = {
-        x: v.X + g.d - g.b,
-        z: v.Z + g.l8 + g.l1,
-        y: v.y,
-        yA1: -half,
-        yA2: half,
-        yA3: -v.W / sympy.Integer(2),
-    }
-    offsets = {g.b: g.d + k, g.l7: e + g.l8 - g.l4} if getattr(g.b, "is_Symbol", False) else {}
-    plane, circle, leg1, leg2, strut = (
-        sympy.expand(equation.subs(change, simultaneous=True).subs(offsets))
-        for equation in loops.equations
-    )
-    rise = v.Z - e - g.l6 * v.s
-    leg = sympy.expand((v.y + v.B / 2) ** 2 + v.h**2 - g.l2**2)
-    if sympy.expand(leg.subs(v.h, rise) - leg1) != 0:  # the loop equations are the authority
-        raise ArithmeticError("the reduced leg equation is not the loop equation")
-    return plane, circle, rise - v.h, leg, sympy.expand(leg1 - leg2), strut
+
+    polynomials: tuple[Any, ...]
+    order: tuple[Any, ...]
+    kept: tuple[Any, ...]
+    cosine: Any
+    sine: Any
 
 
-def conditions(v: Reduced) -> dict[Family, Any]:
-    """Return each family's condition in the reduced variables."""
-    return {
-        Family.LEGS_VERTICAL: v.y + v.B / 2,
-        Family.STRUT: v.y + v.W / 2,
-        Family.LEGS_PARALLEL: v.B,
-        Family.LEGS_FLAT: v.h,
-        Family.ARM_STRUT: v.X * v.s + v.Z * v.c,
-        Family.ARM_FLAT: v.s,
-    }
+def eliminate(system: System) -> tuple[Any, ...]:
+    """Eliminate one generator after the other.
 
-
-def eliminate(polynomials: Sequence[Any], order: Sequence[Any], v: Reduced) -> tuple[Any, ...]:
-    """Eliminate the variables ``order`` one after the other.
-
-    For each variable the polynomial of least degree in it is the pivot, and its resultants with the
-    others go on, square-free, and reduced by cos^2 + sin^2 = 1.
+    For each the polynomial of least degree in it is the pivot, one with a constant first
+    coefficient before others, which bring that in as a factor. Its resultants with the others go
+    on, square-free, and reduced by cos^2 + sin^2 = 1. A factor with nothing left to eliminate
+    belongs to the result at once.
 
     Returns:
         Irreducible factors of what is left; spurious ones among them.
     """
-    sympy = require_sympy()
-    circle = v.c**2 + v.s**2 - 1
-    left = [sympy.expand(polynomial) for polynomial in polynomials]
-    factored: dict[Any, list[Any]] = {}
-    for variable in order:
-        active = [p for p in left if p.has(variable)]
-        left = [p for p in left if not p.has(variable)]
-        active.sort(key=lambda p: (sympy.degree(p, variable), sympy.count_ops(p)))
+    left, found = list(system.polynomials), []
+    circle = system.cosine**2 + system.sine**2 - 1
+    for number, variable in enumerate(system.order):
+        later = system.order[number + 1 :]
+        active = [p for p in left if p.degree(variable) > 0]
+        left = [p for p in left if p.degree(variable) <= 0]
+        active.sort(key=partial(_as_pivot, variable=variable))
         for other in active[1:]:
-            result = sympy.resultant(active[0], other, variable)
-            if result.has(v.c) and sympy.expand(result - circle) != 0:
-                result = sympy.rem(result, circle, v.c)
-            if factors := _factors(result, v):
-                product = sympy.expand(sympy.prod(factors))
-                factored[product] = factors
-                left.append(product)
-    return tuple(dict.fromkeys(f for p in left for f in (factored.get(p) or _factors(p, v))))
+            result = resultant(active[0], other, variable)
+            if result not in (0, circle):
+                result = on_circle(result, system.cosine, system.sine)
+            factors = factors_with(result, (*later, *system.kept))
+            found += [factor for factor in factors if not holds(factor, later)]
+            if unfinished := [factor for factor in factors if holds(factor, later)]:
+                left.append(reduce(mul, unfinished))
+    found += [factor for p in left for factor in factors_with(p, system.kept)]
+    return tuple(dict.fromkeys(found))
 
 
-def _factors(polynomial: Any, v: Reduced) -> list[Any]:
-    """Return the irreducible factors that hold a variable."""
-    if polynomial == 0:
-        return []
-    found = require_sympy().factor_list(polynomial)[1]
-    return [factor for factor, _ in found if factor.free_symbols & v.all]
+def _as_pivot(polynomial: Any, variable: Any) -> tuple[int, bool, int]:
+    """Return what puts the best pivots first."""
+    first = coefficients(polynomial, variable)[-1]
+    return polynomial.degree(variable), not first.is_ground, len(polynomial)

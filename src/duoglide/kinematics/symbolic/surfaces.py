@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
+from cmath import sqrt
 from dataclasses import dataclass
-from enum import Enum
 from functools import reduce
 from operator import mul
 from typing import Any
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.symbolic.dimensions import Dimensions, require_sympy
-from duoglide.kinematics.symbolic.elimination import (
-    Reduced,
-    conditions,
-    eliminate,
-    reduced_system,
-)
+from duoglide.kinematics.symbolic.elimination import eliminate
 from duoglide.kinematics.symbolic.families import Family
 from duoglide.kinematics.symbolic.loops import LoopEquations, loop_equations
+from duoglide.kinematics.symbolic.ring import Reduction, Space
 from duoglide.kinematics.symbolic.samples import Shape, family_points
 from duoglide.machine import Geometry
 
-
-class Space(Enum):
-    """Where a surface lies."""
-
-    WORKSPACE = "x, z"
-    CARRIAGES = "yA1, yA2, yA3"
+TYPICAL = (45.0, 25.0, 160.0, 180.0, 300.0)  # k, e, l2, l6, l9 [mm], where they are symbols
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +42,7 @@ class Surface:
         space: Workspace (a cylinder along y: a curve in x and z) or carriages.
         variables: x, z or yA1, yA2, yA3.
         factors: Irreducible polynomials; none where the family fills the whole space.
+        degrees: Total degree of each factor in the variables.
         spurious: What was taken out.
     """
 
@@ -58,6 +50,7 @@ class Surface:
     space: Space
     variables: tuple[Any, ...]
     factors: tuple[Any, ...]
+    degrees: tuple[int, ...]
     spurious: tuple[SpuriousFactor, ...]
 
     @property
@@ -65,12 +58,6 @@ class Surface:
         """Product of the factors; 0 where the family fills the whole space."""
         sympy = require_sympy()
         return reduce(mul, self.factors) if self.factors else sympy.Integer(0)
-
-    @property
-    def degrees(self) -> tuple[int, ...]:
-        """Total degree of each factor in the variables."""
-        sympy = require_sympy()
-        return tuple(sympy.Poly(f, *self.variables).total_degree() for f in self.factors)
 
     def values(self, *coordinates: FloatArray) -> tuple[FloatArray, ...]:
         """Evaluate each factor over arrays of the coordinates [mm]; numeric dimensions only."""
@@ -84,7 +71,7 @@ def surfaces(geometry: Geometry | None = None) -> tuple[Surface, ...]:
     """Eliminate the polynomials of every singularity family (Section 3.3).
 
     Args:
-        geometry: Numeric dimensions; None: the paper's symbols (about ten times slower).
+        geometry: Numeric dimensions; None: the paper's symbols.
 
     Returns:
         One surface per family and space.
@@ -99,89 +86,57 @@ def surfaces(geometry: Geometry | None = None) -> tuple[Surface, ...]:
 
 def surface(loops: LoopEquations, family: Family, space: Space) -> Surface:
     """Eliminate the polynomial of one family in one space."""
-    sympy = require_sympy()
-    g = loops.dimensions
-    v = Reduced.symbols()
-    symbolic = getattr(g.b, "is_Symbol", False)
-    k, e = sympy.symbols("k e") if symbolic else (g.half_offset, g.lift)
-    equations = (conditions(v)[family], *reduced_system(loops, v, k, e))
-    if space is Space.WORKSPACE:
-        order = (v.W, v.B, v.y, v.h, v.c, v.s)
-    else:
-        order = (v.y, v.X, v.Z, v.c, v.s, v.h)
-    factors = eliminate(equations, order, v)
-    true = [factor for factor in factors if _belongs(factor, family, g, (k, e))]
+    reduction = Reduction.of(loops, space)
+    found = [
+        part
+        for factor in eliminate(reduction.system(family))
+        for part in reduction.irreducible(factor)
+    ]
+    found = list(dict.fromkeys(found))
+    true = [factor for factor in found if _belongs(factor, family, reduction)]
+    x, _, z = loops.position
     return Surface(
         family=family,
         space=space,
-        variables=(loops.position[0], loops.position[2])
-        if space is Space.WORKSPACE
-        else loops.carriages,
-        factors=tuple(_unreduced(factor, loops, v, (k, e)) for factor in true),
+        variables=(x, z) if space is Space.WORKSPACE else loops.carriages,
+        factors=tuple(reduction.expression(factor) for factor in true),
+        degrees=tuple(reduction.degree(factor) for factor in true),
         spurious=tuple(
-            SpuriousFactor(_unreduced(factor, loops, v, (k, e)), _meaning(factor, v))
-            for factor in factors
+            SpuriousFactor(reduction.expression(factor), _meaning(factor, reduction))
+            for factor in found
             if factor not in true
         ),
     )
 
 
-def _belongs(factor: Any, family: Family, g: Dimensions, offsets: tuple[Any, Any]) -> bool:
+def _belongs(factor: Any, family: Family, reduction: Reduction) -> bool:
     """Whether a factor vanishes on some component of the family's surface."""
-    numbers, shape = _numbers(factor, g, offsets)
-    terms = factor.subs(numbers).expand().as_ordered_terms()
-    sympy = require_sympy()
-    names = [sympy.Symbol(name) for name in "XZBW"]
-    evaluate = sympy.lambdify(names, terms, "numpy")
-    for point in family_points(family, shape):
-        values = evaluate(*(point[name] for name in "XZBW"))
-        if abs(sum(values)) <= 1e-9 * max(abs(value) for value in values):
-            return True
-    return False
+    shape = _shape(reduction)
+    points = family_points(family, shape)
+    return any(_vanishes(reduction.terms(factor, point, shape)) for point in points)
 
 
-def _numbers(factor: Any, g: Dimensions, offsets: tuple[Any, Any]) -> tuple[dict[Any, Any], Shape]:
-    """Return numbers for the dimensions that are symbols, and the shape that they make."""
-    typical = (45, 25, 160, 180, 300)
-    entries = (*offsets, g.l2, g.l6, g.l9)
-    numbers = {
-        entry: value
-        for entry, value in zip(entries, typical, strict=True)
-        if entry in factor.free_symbols
-    }
-    symbolic = getattr(g.l2, "is_Symbol", False)
-    values = typical if symbolic else tuple(float(entry) for entry in entries)
-    return numbers, Shape(*(float(value) for value in values))
+def _vanishes(terms: list[complex]) -> bool:
+    """Whether a sum is zero, up to the rounding of its terms."""
+    return abs(sum(terms)) <= 1e-9 * max(abs(term) for term in terms)
 
 
-def _unreduced(factor: Any, loops: LoopEquations, v: Reduced, offsets: tuple[Any, Any]) -> Any:
-    """Return a factor in the paper's variables, expanded where the dimensions are numbers."""
-    sympy = require_sympy()
-    g = loops.dimensions
-    x, _, z = loops.position
-    yA1, yA2, yA3 = loops.carriages
-    back = {
-        v.X: x - g.d + g.b,
-        v.Z: z - g.l8 - g.l1,
-        v.B: yA2 - yA1 - g.l3,
-        v.W: yA1 + yA2 - 2 * yA3,
-    }
-    back |= {offsets[0]: g.half_offset, offsets[1]: g.lift} if offsets[0].is_Symbol else {}
-    result = factor.subs(back, simultaneous=True)
-    if offsets[0].is_Symbol:
-        return result
-    variables = [symbol for symbol in (x, z, yA1, yA2, yA3) if symbol in result.free_symbols]
-    return sympy.Poly(result, *variables).primitive()[1].as_expr()
+def _shape(reduction: Reduction) -> Shape:
+    return Shape(*(TYPICAL if reduction.symbolic else reduction.lengths))
 
 
-def _meaning(factor: Any, v: Reduced) -> str:
+def _meaning(factor: Any, reduction: Reduction) -> str:
     """Say where a spurious factor comes from."""
-    if factor == v.B:
+    names = reduction.names(factor)
+    if names == {"B"} and reduction.degree(factor) == 1:
         return (
             "yA2 - yA1 - l3 = 0: there the difference of the two leg equations no longer fixes y"
             " (legs parallel)"
         )
-    if not factor.has(v.W):
-        name = "Z" if factor.has(v.Z) else "F3"
-        return f"{name} = 0: there the case-2 condition, the pivot, loses its term in cos(beta)"
+    if names <= {"B", "H"}:
+        shape = _shape(reduction)
+        level = {"X": 0j, "Z": 0j, "B": 2.0 * sqrt(shape.l2**2 - shape.e**2), "W": 0j}
+        if _vanishes(reduction.terms(factor, level, shape)):
+            return "F3 = 0: there the case-2 condition, the pivot, loses its term in cos(beta)"
+        return "F1^2 + F3^2 = 0: there a pivot loses its term in sin(beta)^2; no real pose"
     return "an extraneous root of a resultant: no point of the surface lies on it"
