@@ -182,6 +182,8 @@ def test_a_stopped_host_is_noticed_and_the_machine_comes_to_rest(scene: Scene) -
 
 
 def test_an_interrupted_host_stops_on_the_path_and_switches_off(scene: Scene) -> None:
+    for pid in (scene.streamer, scene.drives.pid):  # a supervisor ends all processes of a service
+        os.kill(pid, signal.SIGTERM)
     scene.host.send_signal(signal.SIGINT)
     scene.host.wait(GENEROUS)
     scene.watch_until({State.SWITCH_ON_DISABLED})

@@ -74,9 +74,10 @@ def test_the_drives_end_with_a_killed_parent_once_nobody_is_connected() -> None:
         parent.stdout.close()
 
 
-def test_an_interrupt_at_the_terminal_is_the_parents_business() -> None:
+def test_signals_that_end_a_session_are_the_parents_business() -> None:
     with SimulatedDrives(DriveSettings(), (1.0, 2.0, 3.0)) as drives:
-        os.kill(drives.pid, signal.SIGINT)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            os.kill(drives.pid, number)
         assert [s.position for s in drives.snapshot()] == [1.0, 2.0, 3.0]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import os
 import pickle
+import signal
 import socket
 import sys
 import threading
@@ -107,6 +108,8 @@ def _answer(bulk: socket.socket, thing: object) -> None:
 
 def main(arguments: list[str]) -> int:
     """Stream until told to close, or until the host is gone and the drives are off."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)  # the host hears them too, and stops the machine
     descriptor, orders, bulk = map(int, arguments)
     ring = Ring(descriptor)
     programs = socket.socket(fileno=bulk)
@@ -116,15 +119,15 @@ def main(arguments: list[str]) -> int:
         return 2
     try:
         link = BusLink(open_bus(assignment.bus, assignment.bit_rate))
+        settings = assignment.settings.standing_still(link.ask_standstill())
     except BusError as error:
         _answer(programs, error)
         return 1
-    streamer = Streamer(link, assignment.settings, inbox, ring)
+    streamer = Streamer(link, settings, inbox, ring)
     threading.Thread(target=take_programs, args=(programs, inbox), daemon=True).start()
     granted = become_realtime()
     streamer.tell(Happening.READY, code=granted.fifo | granted.locked << 1 | granted.slack << 2)
     _answer(programs, None)
-    settings = assignment.settings
     run_cycles(streamer, MonotonicClock(), settings.cycle, settings.standstill)
     link.close()
     return 0

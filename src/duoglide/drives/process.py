@@ -50,7 +50,8 @@ class _Control:
 
 def _be_prompt() -> None:
     """Ask for what keeps a process from being late; go without where it is not granted."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)  # the parent decides when to stop
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     gc.collect()
