@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numba
@@ -27,6 +28,30 @@ def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
     assert asked == [True, False]
 
 
+def test_numba_is_loaded_once_numpy_has_answered_much(
+    geometry: dg.Geometry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded = []
+
+    @cache
+    def load(loop: Callable[..., int]) -> Callable[..., int]:
+        loaded.append(loop.__name__)
+        return loop
+
+    monkeypatch.setattr(_batch, "_compiled", load)
+    monkeypatch.setattr(_batch._Answered, "poses", 0)
+    monkeypatch.setattr(_batch, "WORTH_LOADING", 2 * _batch.WORTH_CALLING)
+    some = np.tile([-41.0, 3.0, 302.0], (_batch.WORTH_CALLING, 1))
+    large = np.tile(some, (4, 1))
+    expected = dg.inverse(geometry, large)  # at once, however large
+    assert loaded == []
+    assert _batch._Answered.poses == len(large)
+    np.testing.assert_array_equal(dg.inverse(geometry, some), expected[: len(some)])
+    assert loaded == ["inverse_loop"]
+    dg.margins(geometry, some[1:])  # too few to be worth a call
+    assert loaded == ["inverse_loop"]
+
+
 def test_the_loops_say_the_same_uncompiled(geometry: dg.Geometry) -> None:
     position = np.array([[-41.0, 3.0, 302.0], [20.0, -5.0, 300.0]])
     k = constants.pose_constants(geometry, dg.WorkingMode())
@@ -40,6 +65,9 @@ def test_the_loops_say_the_same_uncompiled(geometry: dg.Geometry) -> None:
     sides = np.empty(8)
     assert kernels.margins_loop(position.ravel(), sides, k) == 0
     found = dg.margins(geometry, position)
+    legs = np.empty(4)
+    assert kernels.legs_loop(sides[2:4], legs, k) == 0
+    np.testing.assert_array_equal(legs.reshape(2, 2), [found.legs_vertical, found.legs_parallel])
     np.testing.assert_array_equal(
         sides.reshape(4, 2), [found.strut, found.legs_flat, found.arm_strut, found.arm_flat]
     )

@@ -1,8 +1,12 @@
-"""Many poses at once: numpy for some, compiled loops for very many, with the same result."""
+"""Many poses at once: numpy for some, compiled loops for very many, with the same result.
+
+Loading numba takes most of a second, in which numpy answers tens of millions of poses. So numpy
+answers until that has added up to something: whoever has one large batch never waits for numba.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from typing import Any
 
@@ -14,8 +18,9 @@ from duoglide.kinematics import kernels
 from duoglide.kinematics.compiled import compiled
 from duoglide.kinematics.constants import Constants
 
-WORTH_LOADING = 50_000  # poses, from which loading numba (half a second) pays
-WORTH_CALLING = 500  # poses, from which it pays once it is loaded
+WORTH_LOADING = 1_000_000  # poses that numpy answers before numba is loaded for the next
+WORTH_CALLING = 500  # poses, from which calling compiled loops pays once they are loaded
+BLOCK = 4096  # poses at a time in numpy: what is between the steps stays in the cache
 DOUBLE = np.dtype(np.float64)
 ARRAY, FLOAT, EMPTY, ONE_POSE = np.ndarray, float, np.empty, (3,)
 
@@ -25,13 +30,20 @@ _margins_columns = kernels.in_numpy(kernels.margins_pose)
 _legs_columns = kernels.in_numpy(kernels.legs_pose)
 
 
+class _Answered:
+    """How many poses numpy has answered in this process."""
+
+    poses = 0
+
+
 def inverse_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
     """Return the carriages of positions of shape (..., 3), and whether all of them are real."""
     if compiles(position):
         return _run(kernels.inverse_loop, position, k)
+    carriages = np.empty(position.shape)
     with np.errstate(invalid="ignore", over="ignore"):
-        columns = _inverse_columns(*_columns(position), k)
-    carriages = np.stack(columns, axis=-1)
+        for given, out in _blocks(position, carriages):
+            out[0], out[1], out[2] = _inverse_columns(*given, k)
     return carriages, bool(np.isfinite(carriages).all())
 
 
@@ -39,21 +51,25 @@ def forward_many(carriages: FloatArray, k: Constants) -> tuple[FloatArray, bool]
     """Return the positions for carriages of shape (..., 3), and whether all of them are sure."""
     if compiles(carriages):
         return _run(kernels.forward_loop, carriages, k)
+    position, all_sure = np.empty(carriages.shape), True
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        *columns, sure = _forward_columns(*_columns(carriages), k)
-    return np.stack(columns, axis=-1), bool(sure.all())
+        for given, out in _blocks(carriages, position):
+            out[0], out[1], out[2], sure = _forward_columns(*given, k)
+            all_sure = all_sure and bool(sure.all())
+    return position, all_sure
 
 
 def margins_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
     """Return what ``margins_pose`` does, shape (4, ...), and whether all poses are within reach."""
-    out = np.empty((4, *position.shape[:-1]))
+    measured = np.empty((4, *position.shape[:-1]))
     if compiles(position):
-        failed = _compiled(kernels.margins_loop)(_flat(position), out.reshape(-1), k)
-        return out, failed == 0
-    x, _, z = _columns(position)
+        failed = _compiled(kernels.margins_loop)(_flat(position), measured.reshape(-1), k)
+        return measured, failed == 0
+    rows = measured.reshape(4, -1).T
     with np.errstate(invalid="ignore", over="ignore"):
-        out[0], out[1], out[2], out[3] = _margins_columns(x, z, k)
-    return out, bool((out[0] >= 0.0).all() and (np.abs(out[1]) <= k[3]).all())
+        for (x, _, z), out in _blocks(position, rows):
+            out[0], out[1], out[2], out[3] = _margins_columns(x, z, k)
+    return measured, bool((measured[0] >= 0.0).all() and (np.abs(measured[1]) <= k[3]).all())
 
 
 def legs_many(rise: FloatArray, k: Constants) -> tuple[FloatArray, FloatArray]:
@@ -64,6 +80,15 @@ def legs_many(rise: FloatArray, k: Constants) -> tuple[FloatArray, FloatArray]:
     out = np.empty((2, *rise.shape))
     _compiled(kernels.legs_loop)(rise.reshape(-1), out.reshape(-1), k)
     return out[0], out[1]
+
+
+def _blocks(given: FloatArray, out: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield the columns of both arrays, a block of rows at a time."""
+    rows, into = given.reshape(-1, given.shape[-1]), out.reshape(-1, out.shape[-1])
+    _Answered.poses += len(rows)
+    for start in range(0, len(rows), BLOCK):
+        block = slice(start, start + BLOCK)
+        yield rows[block].T, into[block].T
 
 
 def as_pose(value: Any) -> Sequence[float]:
@@ -108,19 +133,15 @@ def compiles(array: FloatArray) -> bool:
 
 
 def _pays(poses: int) -> bool:
-    """Whether compiled loops are quicker than numpy for so many poses."""
+    """Whether compiled loops pay for so many poses, loading them included."""
     loaded = _compiled.cache_info().currsize > 0
-    return poses >= (WORTH_CALLING if loaded else WORTH_LOADING)
+    return poses >= WORTH_CALLING and (loaded or _Answered.poses >= WORTH_LOADING)
 
 
 def _run(loop: Callable[..., int], array: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
     out = np.empty(array.shape)
     failed = _compiled(loop)(_flat(array), out.reshape(-1), k)
     return out, failed == 0
-
-
-def _columns(array: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return array[..., 0], array[..., 1], array[..., 2]
 
 
 def _flat(array: FloatArray) -> FloatArray:
