@@ -34,6 +34,7 @@ from duoglide.kinematics.home import home_carriages
 from duoglide.storage import CycleRecord, EventKind, Log, Phase, Topic, read_log
 
 MACHINE = dg.Machine.default()
+START = home_carriages(MACHINE).tolist()
 QUICK_STOP = 0x0002
 NEWS = (EventKind.FAULT, EventKind.EMERGENCY, EventKind.BUS, EventKind.QUICK_STOP, EventKind.STOP)
 
@@ -75,7 +76,7 @@ def measure(name: str, inject: Inject, folder: Path) -> str:
     """Run, inject, and return one line of the table."""
     path = folder / "run.mcap"
     with (
-        SimulatedDrives(MACHINE.drives, home_carriages(MACHINE).tolist()) as drives,
+        SimulatedDrives(MACHINE.drives, START, standstill=0.0) as drives,
         dg.Robot.connect(MACHINE, bus=drives.address) as robot,
     ):
         robot.enable()

@@ -96,6 +96,7 @@ def test_when_sync_stays_away_the_wall_clock_takes_over(rack: DriveRack) -> None
 def patient() -> DriveRack:
     """Return drives that stand still with their host for up to 0.1 s, in the middle of a run."""
     rack = build_rack(DriveSettings(), (0.0, 10.0, -20.0), standstill=0.1)
+    rack.follow(waits=True)
     switch_on(rack)
     for node in rack.nodes:
         node.objects.write(0x1400, 5, 20)

@@ -23,9 +23,8 @@ from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
     from duoglide.control.ring import EventEntry
-    from duoglide.machine import DriveSettings, Machine
+    from duoglide.machine import Machine
 
-_STANDSTILL = 0.1  # [s] that this computer may stand still with the drives simulated on it
 HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
 _LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
 
@@ -47,8 +46,7 @@ class Connection:
         self.simulated: SimulatedDrives | None = None
         if parse_bus(bus).kind is BusKind.VIRTUAL:
             start = home_carriages(machine).tolist()
-            standstill = _standstill(machine.drives)
-            drives = SimulatedDrives(machine.drives, start, standstill=standstill)
+            drives = SimulatedDrives(machine.drives, start)
             self.simulated = self._resources.enter_context(drives)
             bus = self.simulated.address
         else:
@@ -58,8 +56,7 @@ class Connection:
 
     def _start_stream(self) -> None:
         drives = self._machine.drives
-        settings = stream_settings(self._machine, shared=self.simulated is not None)
-        assignment = Assignment(self.bus, drives.bit_rate, settings)
+        assignment = Assignment(self.bus, drives.bit_rate, stream_settings(self._machine))
         try:
             self.process = StreamerProcess(assignment)
         except BaseException:
@@ -138,18 +135,9 @@ def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
         axis.command(Nmt.START)
 
 
-def stream_settings(machine: Machine, shared: bool = False) -> StreamSettings:
-    """Return what the streamer has to know of a machine.
-
-    Args:
-        machine: The machine.
-        shared: Whether the drives are simulated on this computer. Then late cycles, and silence of
-            all drives at once, mean that a process was not given a processor; simulated time
-            stands still with it, and a run survives what real drives would have to stop for.
-    """
+def stream_settings(machine: Machine) -> StreamSettings:
+    """Return what the streamer has to know of a machine."""
     drives = machine.drives
-    standstill = _standstill(drives) if shared else 0.0
-    missing = drives.missing_frames + 1
     window = drives.following_error_window
     first, second, third = (
         Scale.of(drives, number).magnitude(window) for number in range(1, AXES + 1)
@@ -158,8 +146,8 @@ def stream_settings(machine: Machine, shared: bool = False) -> StreamSettings:
         heartbeat=math.ceil(drives.heartbeat_timeout / drives.cycle),
         following=(first, second, third),
         host=math.ceil(HOST_PATIENCE / drives.cycle),
-        missing=missing,
-        silence=max(missing, math.ceil(standstill / drives.cycle)),
+        missing=drives.missing_frames + 1,
+        silence=drives.missing_frames + 1,
         late=drives.late_cycles + 1,
     )
     return StreamSettings(
@@ -168,10 +156,4 @@ def stream_settings(machine: Machine, shared: bool = False) -> StreamSettings:
         host_node=drives.host_id,
         heartbeat_every=max(1, int(drives.heartbeat_period / drives.cycle)),
         policy=policy,
-        standstill=round(standstill * 1e9),
     )
-
-
-def _standstill(drives: DriveSettings) -> float:
-    """Return for how long simulated drives stand still with their computer [s]."""
-    return max(_STANDSTILL, drives.setpoint_patience)

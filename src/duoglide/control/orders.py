@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, Protocol
 
@@ -126,3 +127,13 @@ class StreamSettings:
     heartbeat_every: int
     policy: Policy
     standstill: int = 0
+
+    def standing_still(self, seconds: float) -> StreamSettings:
+        """Return the settings for drives that stand still with this computer, for so long.
+
+        Late cycles, and silence of all drives at once, then mean that a process was not given a
+        processor: the run survives what with real drives it would have to stop for.
+        """
+        silence = max(self.policy.silence, math.ceil(seconds * 1e9 / self.cycle))
+        policy = replace(self.policy, silence=silence)
+        return replace(self, policy=policy, standstill=round(seconds * 1e9))

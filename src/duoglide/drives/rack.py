@@ -6,9 +6,9 @@ one, and one more for each SYNC that the host has left out: for each whole perio
 clock has gone on and for which no SYNC waits behind this one. When SYNC stays away the wall clock
 takes over, and with it the drives' own watchdogs.
 
-Where the host is another process of this computer and moves its schedule when the computer stands
-still, the drives stand still with it: one period passes from each SYNC to the next, and the wall
-clock takes over only after a longer silence, or once the host's connection is gone.
+A host on this computer may say that it moves its schedule when the computer stands still. Then the
+drives stand still with it: one period passes from each SYNC to the next, and the wall clock takes
+over only after a longer silence, or once the host's connection is gone.
 """
 
 from __future__ import annotations
@@ -52,13 +52,17 @@ class DriveRack:
 
     Args:
         nodes: The drives.
-        standstill: For how long the drives stand still with their host [s]; 0 for one that leaves
-            SYNCs out when it is late, as a host of real drives does.
+        standstill: For how long the drives stand still with a host that wishes it [s].
+
+    Attributes:
+        nodes: The drives.
+        standstill: As given.
     """
 
     def __init__(self, nodes: Sequence[DriveNode], standstill: float = 0.0) -> None:
         self.nodes = tuple(nodes)
-        self._standstill = round(standstill * 1e6)
+        self.standstill = standstill
+        self._patience = 0  # with the host that leads now [us]
         self._by_id = {node.node_id: node for node in nodes}
         self._wall: int | None = None  # the moment up to which time has passed [us]
         self._last_sync: int | None = None
@@ -93,11 +97,15 @@ class DriveRack:
         """Let the wall clock pass; call it once no frame is waiting."""
         if self._last_sync is not None:
             silence = now - self._last_sync
-            if silence <= max(_LATE * self._period, self._standstill):
+            if silence <= max(_LATE * self._period, self._patience):
                 return
-            if silence > max(_UNLOCKED * self._period, self._standstill):
+            if silence > max(_UNLOCKED * self._period, self._patience):
                 self._last_sync = None
         self._pass_to(now)
+
+    def follow(self, waits: bool) -> None:
+        """A host begins to send SYNC; whether it waits where the computer stands still."""
+        self._patience = round(self.standstill * 1e6) if waits else 0
 
     def abandon(self) -> None:
         """Whoever sent SYNC is gone: from now on it is the wall clock that counts."""
@@ -107,7 +115,7 @@ class DriveRack:
         self._period = max([node.axis.period for node in self.nodes])
         if self._last_sync is None or self._wall is None or self._since_sync >= self._period:
             self._pass_to(now)
-        elif self._standstill:
+        elif self._patience:
             self._pass(self._period - self._since_sync)
             self._wall = now
         else:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from duoglide.drives.application import AxisApplication
 
+STANDSTILL = 0.1  # how long a shared computer may leave a process without a processor [s]
 _START_PATIENCE = 20.0  # how long the process may take to come up [s]
 _ANSWER_PATIENCE = 5.0
 _PASSING = frozenset({errno.ENETDOWN, errno.ENETUNREACH, errno.ENOBUFS})  # a link that is down
@@ -42,7 +43,7 @@ def build_rack(
     positions: Sequence[float],
     plants: Sequence[PlantParameters] | None = None,
     make_axis: Callable[[], AxisApplication] = HomingAxis,
-    standstill: float = 0.0,
+    standstill: float = STANDSTILL,
 ) -> DriveRack:
     """Build the three drives of a machine, switched on and not homed.
 
@@ -51,7 +52,8 @@ def build_rack(
         positions: Where the carriages stand [mm], three values.
         plants: What hangs on each drive; three, or None for the default.
         make_axis: Makes the firmware's application of one drive.
-        standstill: For how long they stand still with their host; see ``DriveRack`` [s].
+        standstill: For how long they stand still with a host that wishes it, and as long as they
+            wait for setpoints at the least; 0 for never [s].
     """
     nodes = []
     for i, node_id in enumerate(settings.node_ids):
@@ -60,7 +62,7 @@ def build_rack(
         plant = Plant(_with_switch(parameters, settings, i))
         plant.position = float(positions[i])
         nodes.append(DriveNode(node_id, make_axis, plant, scale))
-    return DriveRack(nodes, standstill)
+    return DriveRack(nodes, max(standstill, settings.setpoint_patience) if standstill else 0.0)
 
 
 def _with_switch(parameters: PlantParameters, settings: DriveSettings, i: int) -> PlantParameters:
@@ -121,7 +123,7 @@ class SimulatedDrives:
         positions: Where the carriages stand [mm], three values.
         bus: ``virtual`` starts a hub; any other name is opened and served.
         plants: What hangs on each drive; three, or None for the default.
-        standstill: For how long they stand still with their host; see ``DriveRack`` [s].
+        standstill: For how long they stand still with a host that wishes it; see ``build_rack``.
     """
 
     def __init__(
@@ -131,7 +133,7 @@ class SimulatedDrives:
         *,
         bus: str = "virtual",
         plants: Sequence[PlantParameters] | None = None,
-        standstill: float = 0.0,
+        standstill: float = STANDSTILL,
     ) -> None:
         parse_bus(bus)
         self._job = (settings, tuple(map(float, positions)), bus, plants, standstill)
