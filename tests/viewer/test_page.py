@@ -126,13 +126,12 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
 
 
 def test_a_run_that_somebody_else_started_is_stopped_from_the_page() -> None:
-    path = dg.pick_and_place((-41.0, -100.0, 295.0), (-41.0, 100.0, 295.0))
-    trajectory = dg.plan(PATIENT, path)
+    trajectory = dg.transfer(PATIENT, (-41.0, 0.0, 302.0), (-41.0, 100.0, 302.0))
     with dg.Robot.connect(PATIENT) as robot:
         robot.enable()
         robot.home()
         with Page(PATIENT, drives=robot, port=0) as page:
-            run = robot.start(trajectory, approach=True, override=0.01)
+            run = robot.start(trajectory, override=0.01)
             page.stop()
             report = run.wait(60.0)
         assert not report.completed

@@ -124,11 +124,11 @@ class MotionPanel:
             plot.remove()
         bound = float(self._machine.limits.velocity.max())
         limits = np.full((len(recording.times), 2), (bound, -bound))
-        velocities = np.concatenate([recording.velocities, limits], axis=1)
+        velocities = 1e-3 * np.concatenate([recording.velocities, limits], axis=1)
         with self._graphs:
             self._plots = [
                 self._plot("Carriages [mm]", recording.times, recording.carriages),
-                self._plot("Velocity and limits [mm/s]", recording.times, velocities),
+                self._plot("Velocity and limits [m/s]", recording.times, velocities),
                 self._plot("Clearance [mm]", recording.times, recording.clearances[:, None]),
             ]
 
@@ -146,7 +146,7 @@ class MotionPanel:
             series=tuple(series),
             title=title,
             scales={"x": {"time": False}},
-            axes=({}, {"size": 64}),
+            axes=({}, {"size": 52}),
             legend={"show": False},
             height=190,
         )

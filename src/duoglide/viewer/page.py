@@ -99,6 +99,7 @@ class Page:
     def _stage(self, machine: Machine) -> None:
         scene, half = self._server.scene, machine.geometry.rail_half_length
         scene.set_up_direction("+z")
+        _light(scene)
         scene.add_grid(
             "/floor",
             width=3.0 * half * METRES,
@@ -110,6 +111,22 @@ class Page:
         camera = self._server.initial_camera
         camera.position = (1.7 * half * METRES, -1.5 * half * METRES, 1.5 * half * METRES)
         camera.look_at = (0.0, 0.0, 0.35 * half * METRES)
+
+
+def _light(scene: Any) -> None:
+    """Light the scene by lamps alone.
+
+    An environment map and shadows cost a computer without a graphics processor half a minute when
+    the page opens, and most of its frames afterwards.
+    """
+    scene.configure_environment_map(hdri=None)
+    scene.configure_default_lights(enabled=False)
+    scene.add_light_hemisphere("/light/sky", intensity=2.2, ground_color=(150, 150, 155))
+    for name, place, intensity in (
+        ("key", (1.0, -1.5, 3.0), 1.6),
+        ("fill", (-2.0, 1.0, 1.0), 0.7),
+    ):
+        scene.add_light_directional(f"/light/{name}", intensity=intensity, position=place)
 
 
 def _viser() -> Any:

@@ -54,7 +54,7 @@ def recording_of(trajectory: Trajectory) -> Recording:
     room = clearances_of(trajectory.machine.geometry, positions)
     words = (
         f"**Plan**: {trajectory.duration:.4f} s, least clearance {room.min():.2f} mm, "
-        f"{60.0 / max(trajectory.duration, 1e-9):.0f} a minute"
+        f"there and back {30.0 / max(trajectory.duration, 1e-9):.0f} a minute"
     )
     return Recording(times, state.carriages, state.velocity, positions, room, words)
 
