@@ -76,6 +76,24 @@ def test_the_host_maps_the_pdos_as_the_eds_does_by_default() -> None:
         assert dictionary[wanted.mapping][0].default == len(entries)
 
 
+def check_eds(path: Path) -> tuple[int, str]:
+    """Ask eds-utils, which knows nothing of us, what is wrong with a file."""
+    code = "from eds_utils.eds_validate import eds_validate; eds_validate()"
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False
+    )
+    return run.returncode, run.stderr
+
+
+def test_an_independent_checker_finds_no_fault_in_the_eds(tmp_path: Path) -> None:
+    assert check_eds(eds_path()) == (0, "")
+    wrong = tmp_path / "wrong.eds"
+    wrong.write_text(eds_path().read_text().replace("DataType=0x0006", "DataType=0x0099", 1))
+    code, words = check_eds(wrong)
+    assert code == 1
+    assert "0x0099 is invalid" in words
+
+
 def test_every_list_of_the_eds_names_the_objects_that_it_has() -> None:
     text = eds_path().read_text(encoding="ascii")
     listed = re.findall(r"^\d+=0x([0-9A-F]{4})$", text, re.MULTILINE)
