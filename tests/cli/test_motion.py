@@ -9,11 +9,15 @@ import sys
 import time
 from pathlib import Path
 
+import can
+import cantools
 import pytest
 
 import duoglide as dg
 from duoglide.cli.main import run
 from duoglide.storage import EventKind, Topic, read_log
+
+DBC = Path(__file__).parents[2] / "firmware_interface" / "linear_axis.dbc"
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +48,22 @@ def test_a_plan_is_streamed_replayed_and_compared(
     assert compared["setpoint"] == [0, 0, 0]
     assert run(["log", "run.mcap"]) == 0
     assert "worst following error" in capsys.readouterr().out
+    assert run(["log", "run.mcap", "--candump", "frames.log"]) == 0
+    sent = decode_setpoints(folder / "frames.log")
+    logged = [record.setpoint for _, record in read_log(folder / "run.mcap").records(Topic.CYCLE)]
+    assert sent == logged
+
+
+def decode_setpoints(frames: Path) -> list[tuple[int, ...]]:
+    """Read the setpoints of a run as somebody with the DBC and other people's tools does."""
+    database = cantools.database.load_file(DBC)
+    targets: dict[str, list[int]] = {}
+    for message in can.LogReader(frames):
+        name = database.get_message_by_frame_id(message.arbitration_id).name
+        if name.endswith("_RPDO1"):
+            values = database.decode_message(name, message.data)
+            targets.setdefault(name, []).append(values["TargetPosition"])
+    return list(zip(*(targets[name] for name in sorted(targets)), strict=True))
 
 
 def test_away_from_the_start_it_is_refused_and_no_log_is_left(
