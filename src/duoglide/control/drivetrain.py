@@ -117,7 +117,17 @@ class Drivetrain:
             bring_up(self.machine, axes)
             self._set_homed(all(axis.read_homed() for axis in axes))
         if not self._connection.monitor.wait_for(lambda entry: not entry.missing, _PATIENCE):
-            raise DriveTimeout("the drives are operational but do not answer SYNC with feedback")
+            raise self._unanswered(self.latest.missing)
+
+    def _unanswered(self, missing: int) -> DriveTimeout:
+        """Make the error for drives that do not answer SYNC; bit i of ``missing`` is axis i + 1."""
+        nodes = enumerate(self.machine.drives.node_ids, start=1)
+        silent = [(axis, node) for axis, node in nodes if missing >> (axis - 1) & 1]
+        names = ", ".join(f"axis {axis} (node {node})" for axis, node in silent)
+        return DriveTimeout(
+            f"{names}: operational, but SYNC is not answered with feedback (TPDO1)",
+            axis=silent[0][0] if len(silent) == 1 else 0,
+        )
 
     def enable(self) -> None:
         """Bring all three drives under power, holding where they stand."""
