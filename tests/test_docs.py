@@ -1,0 +1,57 @@
+"""The pages and the library say the same: names, commands, code."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+
+import duoglide as dg
+from duoglide.cli.main import app
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+_ENTRY = re.compile(r"^::: (\S+)\n((?: {4}.*\n)*)", re.M)
+DESCRIBED = {
+    name: "members: []" not in options
+    for page in PAGES
+    for name, options in _ENTRY.findall(page.read_text("utf-8"))
+}
+"""What the pages describe, and whether with its members."""
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Return the fenced blocks of one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), re.M | re.S)
+
+
+@pytest.mark.parametrize("name", dg.__all__)
+def test_every_public_name_is_described(name: str) -> None:
+    home = f"duoglide.{dg._HOME_OF[name]}"
+    assert f"{home}.{name}" in DESCRIBED or DESCRIBED.get(home), f"{home}.{name} is on no page"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_command_is_one_that_the_command_line_takes(page: Path) -> None:
+    group = typer.main.get_command(app)
+    inline = re.findall(r"`(duoglide [a-z]+ [^`]*-[^`]*)`", page.read_text("utf-8"))
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    for line in [*inline, *(line for line in lines if line.startswith("duoglide "))]:
+        verb, *words = shlex.split(line, comments=True)[1:]
+        assert verb in group.commands, line  # type: ignore[attr-defined]  # a group has them
+        if not any(word.isupper() for word in words):  # a placeholder
+            group.commands[verb].make_context(verb, words)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_piece_of_python_is_python_with_names_that_exist(page: Path) -> None:
+    for block in blocks(page, "python"):
+        if ">>>" in block:  # a doctest, which is run
+            continue
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                assert node.value.id != "dg" or node.attr in dg.__all__, f"dg.{node.attr}"
