@@ -16,11 +16,13 @@ from duoglide.kinematics.workspace import (
     Range,
     WorkspaceReport,
     admissible,
+    along_rails,
     analyse,
     columns,
     count_poses,
     grid_over_reach,
     interference_gap,
+    largest_cuboid,
     largest_rectangle,
     section,
     volume,
@@ -60,6 +62,7 @@ def test_largest_boxes_without_and_with_room(report: WorkspaceReport) -> None:
     # PAPER.md has 207 x 82 and 179 x 70; tests/paper/test_errata.py says why these are too large.
     assert report.largest_box.size == pytest.approx((204.4, 82.0), abs=0.5)
     assert report.largest_box.area == pytest.approx(16765.0, abs=10.0)
+    assert report.largest_cuboid.low == (report.largest_box.low[0], -inf, report.largest_box.low[1])
     roomy = analyse(TABLE_1, Constraints(clearance=10.0), step=2.0)
     assert roomy.largest_box.area == pytest.approx(12326.0, abs=10.0)
 
@@ -238,6 +241,54 @@ def test_the_largest_rectangle_is_found_by_brute_force_too() -> None:
     assert largest_rectangle(grid, mask).area == pytest.approx(best * 400.0)
 
 
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("mode", [(1, -1, 1, 1), (-1, -1, 1, -1), (1, 1, 1, 1)])
+def test_the_extent_along_the_rails_is_that_of_the_worst_line_of_a_rectangle(
+    geometry: dg.Geometry, mode: tuple[int, int, int, int]
+) -> None:
+    signs, limits = dg.WorkingMode(*mode), Constraints(travel=300.0, beyond_case_2=True)
+    rng, side, found = np.random.default_rng(4), np.linspace(0.0, 1.0, 41), 0
+    grid = grid_over_reach(geometry, limits, 12.0, signs)
+    cells = rng.permutation(np.argwhere(grid.lines.mask))
+    for i, k in cells[:60]:
+        x, z = grid.x[i] + rng.uniform(1, 40) * side, grid.z[k] + rng.uniform(1, 40) * side
+        lines = columns(geometry, *np.meshgrid(x, z), limits, signs)
+        if not lines.mask.all():
+            continue
+        low, high = along_rails(geometry, 300.0, (x[0], x[-1]), (z[0], z[-1]), signs)
+        worst = lines.low.max(), lines.high.min()
+        assert worst[0] - 1e-9 <= low <= worst[0] + 0.1  # lines between the samples are no better
+        assert worst[1] - 0.1 <= high <= worst[1] + 1e-9
+        found += 1
+    assert found >= 10
+
+
+def test_the_largest_cuboid_is_found_by_brute_force_too() -> None:
+    geometry, limits = GEOMETRIES[1], Constraints(travel=260.0, carriage_width=60.0)
+    grid = grid_over_reach(geometry, limits, 16.0)
+    low, high = grid.lines.low, grid.lines.high
+    best = 0.0
+    for i0 in range(len(low)):
+        floor, ceiling = low[i0].copy(), high[i0].copy()
+        for i1 in range(i0, len(low)):
+            floor, ceiling = np.maximum(floor, low[i1]), np.minimum(ceiling, high[i1])
+            for k0 in np.flatnonzero(floor < ceiling):
+                runs = np.maximum.accumulate(floor[k0:]), np.minimum.accumulate(ceiling[k0:])
+                sizes = np.arange(len(runs[0])) * np.maximum(runs[1] - runs[0], 0.0)
+                best = max(best, (i1 - i0) * sizes.max() * 16.0**2)
+    found = largest_cuboid(
+        geometry, grid, limits, lambda x, z: columns(geometry, x, z, limits).mask
+    )
+    assert best < found.volume < 1.4 * best  # of the centres of large cells: a little less
+    way = [np.linspace(a, b, 25) for a, b in zip(found.low, found.high, strict=True)]
+    poses = np.stack(np.meshgrid(*way), axis=-1)
+    assert admissible(geometry, poses, limits).all()
+    for axis, sign in ((1, -1), (1, 1)):  # and no longer along the rails
+        beyond = poses.copy()
+        beyond[..., axis] += sign * 0.5
+        assert not admissible(geometry, beyond, limits).all()
+
+
 def test_ten_million_poses_take_seconds() -> None:
     limits = Constraints(travel=360.0, carriage_width=60.0, clearance=2.0)
     start = time.process_time()
@@ -257,6 +308,11 @@ def test_the_machine_file_sets_the_constraints() -> None:
     assert found.constraints == Constraints(travel=360.0, carriage_width=60.0, clearance=2.0)
     assert found.volume < 2 * 360.0 * found.area
     assert np.abs([found.low[1], found.high[1]]).max() < 360.0
+    assert found.largest_cuboid.size == pytest.approx((199.6, 261.5, 79.3), abs=0.5)
+    assert found.largest_cuboid.volume == pytest.approx(4.140e6, rel=5e-4)
+    (x0, z0), (x1, z1) = found.largest_box.low, found.largest_box.high
+    low, high = along_rails(machine.geometry, 360.0, (x0, x1), (z0, z1))
+    assert found.largest_box.area * (high - low) < found.largest_cuboid.volume
 
 
 def test_contradictions_are_refused() -> None:

@@ -58,11 +58,17 @@ def workspace(
 
 def _facts(report: WorkspaceReport) -> list[tuple[str, str]]:
     wide, tall = report.largest_box.size
+    along_x, along_y, along_z = report.largest_cuboid.size
     return [
         ("volume", f"{report.volume * 1e-6:.2f} litres"),
         ("from", f"({triple(report.low)}) mm"),
         ("to", f"({triple(report.high)}) mm"),
-        ("largest free box", f"{wide:.0f} by {tall:.0f} mm in x and z"),
+        (
+            "largest free box",
+            f"{along_x:.0f} by {along_y:.0f} by {along_z:.0f} mm in x, y and z,"
+            f" from ({triple(report.largest_cuboid.low)}) mm",
+        ),
+        ("in the cross-section", f"{wide:.0f} by {tall:.0f} mm in x and z"),
         ("deepest", f"({triple(report.deepest)}) mm, {report.depth:.1f} mm from any edge"),
         (
             "best conditioned",
@@ -79,6 +85,7 @@ def _numbers(report: WorkspaceReport) -> dict[str, Any]:
         "low": report.low,
         "high": report.high,
         "largest_box": {"width": wide, "height": tall},
+        "largest_cuboid": {"low": report.largest_cuboid.low, "high": report.largest_cuboid.high},
         "deepest": report.deepest,
         "depth": report.depth,
         "best_conditioned": report.best_conditioned,

@@ -9,6 +9,7 @@ figures together.
 from duoglide.kinematics.workspace.analysis import WorkspaceReport, analyse
 from duoglide.kinematics.workspace.columns import Columns, admissible, columns
 from duoglide.kinematics.workspace.constraints import Constraints, Range
+from duoglide.kinematics.workspace.cuboids import Cuboid, along_rails, largest_cuboid
 from duoglide.kinematics.workspace.curves import Curve, CurveKind
 from duoglide.kinematics.workspace.grid import Grid, count_poses, grid_over_reach
 from duoglide.kinematics.workspace.interference import interference_gap
@@ -18,6 +19,7 @@ from duoglide.kinematics.workspace.section import Piece, Section, section, volum
 __all__ = [
     "Columns",
     "Constraints",
+    "Cuboid",
     "Curve",
     "CurveKind",
     "Grid",
@@ -27,11 +29,13 @@ __all__ = [
     "Section",
     "WorkspaceReport",
     "admissible",
+    "along_rails",
     "analyse",
     "columns",
     "count_poses",
     "grid_over_reach",
     "interference_gap",
+    "largest_cuboid",
     "largest_rectangle",
     "section",
     "volume",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ from duoglide.kinematics.singularity import clearance
 from duoglide.kinematics.transmission import transmission
 from duoglide.kinematics.workspace.columns import columns
 from duoglide.kinematics.workspace.constraints import Constraints
+from duoglide.kinematics.workspace.cuboids import Cuboid, endless, largest_cuboid
 from duoglide.kinematics.workspace.grid import Grid, grid_over_reach
 from duoglide.kinematics.workspace.rectangles import Rectangle, largest_rectangle, refined
 from duoglide.kinematics.workspace.section import section
@@ -41,6 +43,8 @@ class WorkspaceReport:
         low: Corner of the bounding box with the smallest coordinates [mm], shape (3,).
         high: Corner with the largest [mm].
         largest_box: The largest free rectangle of the cross-section.
+        largest_cuboid: The largest box, extent along y included; on unlimited rails that over
+            ``largest_box``.
         deepest: Position farthest from every surface and edge, y = 0 [mm], shape (3,).
         depth: Its clearance [mm].
         best_conditioned: Position with the best conditioned Jacobian, y = 0 [mm], shape (3,).
@@ -55,6 +59,7 @@ class WorkspaceReport:
     low: FloatArray
     high: FloatArray
     largest_box: Rectangle
+    largest_cuboid: Cuboid
     deepest: FloatArray
     depth: float
     best_conditioned: FloatArray
@@ -105,6 +110,10 @@ def analyse(
 
     deepest, most = _best(grid, free, depth)
     best, condition = _best(grid, free, conditioning)
+    rectangle = refined(largest_rectangle(grid, free), is_free, step)
+    cuboid = endless(rectangle)
+    if constraints.travel < inf:
+        cuboid = largest_cuboid(geometry, grid, constraints, is_free, mode)
     exact = Constraints(
         carriage_width=constraints.carriage_width, beyond_case_2=constraints.beyond_case_2
     )
@@ -116,7 +125,8 @@ def analyse(
         volume=grid.volume,
         low=low,
         high=high,
-        largest_box=refined(largest_rectangle(grid, free), is_free, step),
+        largest_box=rectangle,
+        largest_cuboid=cuboid,
         deepest=deepest,
         depth=most,
         best_conditioned=best,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,11 +12,13 @@ from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import InputError
 from duoglide.kinematics.workspace.grid import Grid
 
+Mask: TypeAlias = Callable[[FloatArray, FloatArray], BoolArray]  # of x and z
+
 ROWS = 25  # places along the left and right side at which a refined rectangle is looked at
 PLACES = 161  # from the middle to either end of bottom and top
 INWARD = 2e-3  # [mm], for what lies between these places
 SEARCH = 8.0  # cells by which a side may move
-BISECTIONS = 20
+PARTS, ROUNDS = 16, 5  # 16^5 steps from the middle to where a side is sought at the farthest
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,9 @@ class Rectangle:
     def area(self) -> float:
         """Its area [mm^2]."""
         return self.size[0] * self.size[1]
+
+
+Choice: TypeAlias = Callable[[Rectangle], tuple[float, Rectangle]]  # worth, and what is taken
 
 
 def largest_rectangle(grid: Grid, mask: BoolArray) -> Rectangle:
@@ -65,57 +71,85 @@ def largest_rectangle(grid: Grid, mask: BoolArray) -> Rectangle:
     )
 
 
-def refined(
-    rectangle: Rectangle, free: Callable[[FloatArray, FloatArray], BoolArray], step: float
-) -> Rectangle:
+def whole(rectangle: Rectangle) -> tuple[float, Rectangle]:
+    """Take all of a rectangle for its area."""
+    return rectangle.area, rectangle
+
+
+def refined(rectangle: Rectangle, free: Mask, step: float, choose: Choice = whole) -> Rectangle:
     """Move the sides of a rectangle to the best place off the grid.
 
-    For a bottom and a top the free interval around the middle is found by bisection at several
-    heights; bottom and top are then optimised by the simplex method.
+    Bottom and top are optimised by the simplex method; between them it is as wide as is free.
 
     Args:
         rectangle: Largest rectangle of a grid.
         free: Whether points (x, z) are free, for arrays of one shape.
         step: Side of the grid's cells [mm].
+        choose: What to take of the widest rectangle between a bottom and a top, and its worth.
     """
     from scipy.optimize import minimize
 
-    margin = np.array([-SEARCH * step, SEARCH * step])
-    middle = 0.5 * (rectangle.low[0] + rectangle.high[0])
-    far = np.array([rectangle.low[0], rectangle.high[0]]) + margin
+    sides = Sides.around(rectangle, free, step)
 
-    def sides(bottom: float, top: float) -> FloatArray:
-        z = np.linspace(bottom, top, ROWS)[:, None] * np.ones(2)
-        x, y = np.meshgrid(np.linspace(middle, far[0], PLACES), [bottom, top])
-        x2, _ = np.meshgrid(np.linspace(middle, far[1], PLACES), [bottom, top])
-        inner, outer = np.full(z.shape, middle), np.broadcast_to(far, z.shape)
-        for _ in range(BISECTIONS):
-            centre = 0.5 * (inner + outer)
-            inside = free(centre, z)
-            inner, outer = np.where(inside, centre, inner), np.where(inside, outer, centre)
-        ends = np.array([inner[:, 0].max(), inner[:, 1].min()])
-        holes = [(x[~free(x, y)], ends[0], -1.0), (x2[~free(x2, y)], ends[1], 1.0)]
-        for k, (taken, end, sign) in enumerate(holes):  # on the bottom or the top, short of the end
-            before = taken[sign * taken < sign * end]
-            if before.size:
-                ends[k] = sign * (sign * before).min()
-        return ends
-
-    def loss(edges: FloatArray) -> float:
-        left, right = sides(*edges)
-        return -float((right - left) * (edges[1] - edges[0]))
+    def between(bottom: float, top: float) -> tuple[float, Rectangle]:
+        left, right = sides.between(bottom, top)
+        if left >= right or bottom >= top:
+            return 0.0, rectangle
+        return choose(Rectangle((left, bottom), (right, top)))
 
     start = np.array([rectangle.low[1], rectangle.high[1]])
     simplex = start + step * np.array([[0.0, 0.0], [0.5, 0.0], [0.0, -1.0]])
     found = minimize(
-        loss, start, method="Nelder-Mead",
+        lambda edges: -between(*edges.tolist())[0], start, method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-2, "maxiter": 50},
     )  # fmt: skip
-    left, right = sides(*found.x)
+    _, best = between(*found.x.tolist())
     return Rectangle(
-        (float(left) + INWARD, float(found.x[0]) + INWARD),
-        (float(right) - INWARD, float(found.x[1]) - INWARD),
+        (best.low[0] + INWARD, best.low[1] + INWARD),
+        (best.high[0] - INWARD, best.high[1] - INWARD),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sides:
+    """Finds how far a rectangle may reach to the left and to the right.
+
+    Attributes:
+        free: Whether points (x, z) are free.
+        middle: x inside the rectangle [mm].
+        far: x beyond which neither side is sought [mm], shape (2,).
+    """
+
+    free: Mask
+    middle: float
+    far: FloatArray
+
+    @classmethod
+    def around(cls, rectangle: Rectangle, free: Mask, step: float) -> Sides:
+        """Seek the sides some cells of ``step`` [mm] about those of a rectangle of the grid."""
+        sides = np.array([rectangle.low[0], rectangle.high[0]])
+        return cls(free, float(sides.mean()), sides + SEARCH * step * np.array([-1.0, 1.0]))
+
+    def between(self, bottom: float, top: float) -> tuple[float, float]:
+        """Return the ends of what is free about the middle at every height.
+
+        At several heights, in ever finer steps; then bottom and top are looked at place by place.
+        """
+        z = np.linspace(bottom, top, ROWS)[:, None, None] * np.ones((2, PARTS + 1))
+        inner, outer = np.full((ROWS, 2), self.middle), np.tile(self.far, (ROWS, 1))
+        share = np.linspace(0.0, 1.0, PARTS + 1)
+        for _ in range(ROUNDS):
+            x = inner[..., None] + (outer - inner)[..., None] * share
+            taken = ~self.free(x, z)
+            taken[..., -1] = True
+            first = np.maximum(taken.argmax(axis=-1), 1)[..., None]
+            inner = np.take_along_axis(x, first - 1, axis=-1)[..., 0]
+            outer = np.take_along_axis(x, first, axis=-1)[..., 0]
+        left, right = float(inner[:, 0].max()), float(inner[:, 1].min())
+        x, edge = np.meshgrid(np.linspace(self.far[0], self.far[1], 2 * PLACES), [bottom, top])
+        taken = ~self.free(x, edge)
+        before, after = x[taken & (x < self.middle)], x[taken & (x >= self.middle)]
+        return max(left, before.max(initial=-np.inf)), min(right, after.min(initial=np.inf))
 
 
 def _under_histogram(heights: list[int]) -> tuple[int, int, int, int]:
