@@ -2,6 +2,9 @@
 
 On a grid, toppra's duration is above its own limit, by an error that halves with the step. Two
 grids give the error, and a half more of it is taken off than that.
+
+toppra is asked in units in which a motion is about 1 long and takes about 1: it has tolerances of
+its own, and with limits far from usual ones returns a duration that is no bound.
 """
 
 from __future__ import annotations
@@ -47,20 +50,23 @@ def _on_grid(trajectory: Trajectory, start: float, end: float, cells: int) -> fl
     import toppra
     from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
 
-    limits = trajectory.machine.limits
+    limits, length = trajectory.machine.limits, end - start
+    second = float(
+        np.maximum(length / limits.velocity, (length / limits.acceleration) ** 0.5).max()
+    )
+    velocity = limits.velocity * (second / length)
+    acceleration = limits.acceleration * (second * second / length)
     share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, cells + 1))
     path = trajectory.path
     breaks = path.curve.breaks if isinstance(path, CarriagePath) else np.zeros(0)
     inner = breaks[(breaks > start + 1e-6) & (breaks < end - 1e-6)] - start
-    points = np.unique(np.concatenate([share * (end - start), inner]))
+    points = np.unique(np.concatenate([share, inner / length]))
     solver = toppra.algorithm.TOPPRA(
         [
-            JointVelocityConstraint(np.stack([-limits.velocity, limits.velocity], axis=1)),
-            JointAccelerationConstraint(
-                np.stack([-limits.acceleration, limits.acceleration], axis=1)
-            ),
+            JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
+            JointAccelerationConstraint(np.stack([-acceleration, acceleration], axis=1)),
         ],
-        _Geometric(trajectory, start, end - start),
+        _Geometric(trajectory, start, length),
         gridpoints=points,
     )
     solver.compute_parameterization(0.0, 0.0)
@@ -68,20 +74,23 @@ def _on_grid(trajectory: Trajectory, start: float, end: float, cells: int) -> fl
     if data.return_code != toppra.algorithm.ParameterizationReturnCode.Ok or data.sd_vec is None:
         raise LimitError(f"toppra finds no bound: {data.return_code}")
     speeds: FloatArray = data.sd_vec
-    return float(np.sum(2.0 * np.diff(points) / (speeds[1:] + speeds[:-1])))
+    return second * float(np.sum(2.0 * np.diff(points) / (speeds[1:] + speeds[:-1])))
 
 
 class _Geometric:
-    """The carriages between two rests, as toppra asks for a path (structurally its interface)."""
+    """The carriages between two rests, as toppra asks for a path (structurally its interface).
+
+    Both the parameter and the carriages count in lengths of the path.
+    """
 
     def __init__(self, trajectory: Trajectory, start: float, length: float) -> None:
         self._path = trajectory.path
-        self._start = start
-        self.path_interval = np.array([0.0, length])
-        self.duration = length
+        self._start, self._length = start, length
+        self.path_interval = np.array([0.0, 1.0])
+        self.duration = 1.0
         self.dof = 3
         self.waypoints = None
 
     def __call__(self, path_positions: FloatArray, order: int = 0) -> FloatArray:
-        sigma = np.asarray(path_positions, dtype=np.float64) + self._start
-        return self._path.derivatives(sigma)[..., order, :]
+        sigma = np.asarray(path_positions, dtype=np.float64) * self._length + self._start
+        return self._path.derivatives(sigma)[..., order, :] * self._length ** (order - 1)

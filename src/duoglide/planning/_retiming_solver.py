@@ -23,7 +23,8 @@ Nodes: TypeAlias = tuple[FloatArray, FloatArray]  # alpha and beta at each node,
 
 WINDOW = 320  # cells
 LONG = 480  # cells, from which on a problem is cut into windows
-_SHRINK = 0.95  # of the last solution, to begin the next one strictly inside
+_SHRINKS = (0.95, 0.7, 0.45)  # of the last solution, to begin the next one strictly inside; where
+# the solver fails from near the bounds, it begins again farther from them
 _SHRINK_ENDS = 0.99  # the same where the ends of windows stay as they are
 _ENOUGH = 0.5  # of the windows converge, or the sweep has failed
 
@@ -109,12 +110,17 @@ def _window(
     for unknown, by, value in ties:
         offsets += _retiming_rows.replace_unknown(point_first, points, unknown, by, value)
         bounds -= _retiming_rows.replace_unknown(first, factors, unknown, by, value)
+    shrinks = [1.0]
     if all(at_rest):
-        x *= _SHRINK / max(1.0, _interior_point.excess(rows, x))
+        x /= max(1.0, _interior_point.excess(rows, x))
+        shrinks = list(_SHRINKS)
     else:
         bounds[~factors.any(axis=1)] = 1.0  # nothing is left to decide there
     goal = (point_first, points, offsets, weights)
-    _steps, converged = _interior_point.solve(rows, goal, x, tolerance)
+    inside, converged = x, False
+    while shrinks and not converged:
+        x = inside * shrinks.pop(0)
+        _steps, converged = _interior_point.solve(rows, goal, x, tolerance)
     for unknown, by, value in ties:
         x[unknown] = x[by] if by >= 0 else value
     return (x[0::2].copy(), x[1::2] / unit), bool(converged)

@@ -151,10 +151,15 @@ def _look(trajectory: Trajectory, edges: FloatArray) -> BrakeReport:
             )
         if worst.room == -np.inf:
             break  # the links come apart: nothing can be worse
-        moved, slid = _spread(trajectory, (t, f, coast), half, middle)
-        lowest = np.minimum(
-            np.minimum(here.clearance, here.keep_out) - _BEND * moved,
-            np.minimum(here.travel - _BEND * slid, here.order - 2.0 * _BEND * slid),
+        across, moved, slid = _spread(trajectory, (t, f, coast), half, middle)
+        lowest = np.min(
+            [
+                here.clearance - _BEND * across,
+                here.keep_out - _BEND * moved,
+                here.travel - _BEND * slid,
+                here.order - 2.0 * _BEND * slid,
+            ],
+            axis=0,
         )
         open_ = (lowest < min(worst.room, 0.0)) & (np.maximum(moved, slid) > _FINE)
         half = 0.5 * half
@@ -188,20 +193,25 @@ def _spread(
     cells: tuple[FloatArray, FloatArray, FloatArray],
     half: FloatArray,
     middle: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return how far platform and carriages are at each cell's farthest corner, (n,) each."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return how far platform and carriages are at each cell's farthest corner, (n,) each.
+
+    The platform's way counts across the rails first, which is all that clearance depends on; then
+    in full.
+    """
     t, f, coast = cells
     centre, _ = locate(trajectory.machine, middle)
-    moved, slid = np.zeros(t.size), np.zeros(t.size)
+    across, moved, slid = np.zeros((3, t.size))
     for side in (-1.0, 1.0):
         brakes = _brakes(trajectory, t + side * half[0], coast)
         for end in (-1.0, 1.0):
             corner = brakes.at(f + end * half[1])
             position, closed = locate(trajectory.machine, corner)
-            way = np.where(closed, np.linalg.norm(position - centre, axis=-1), np.inf)
-            moved = np.maximum(moved, way)
+            way = np.where(closed[:, None], position - centre, np.inf)
+            across = np.maximum(across, np.linalg.norm(way[:, ::2], axis=-1))
+            moved = np.maximum(moved, np.linalg.norm(way, axis=-1))
             slid = np.maximum(slid, np.abs(corner - middle).max(axis=-1))
-    return moved, slid
+    return across, moved, slid
 
 
 def _brakes(trajectory: Trajectory, t: FloatArray, coast: FloatArray) -> Brakes:

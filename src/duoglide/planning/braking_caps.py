@@ -53,8 +53,7 @@ def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajecto
         if report.safe or retime is None:
             break
         where, speed = _sampled(trajectory)
-        fresh = brake_caps(trajectory.path, where, speed) * _TIGHTER**round_
-        fresh = np.where(fresh < speed, fresh, NO_CAP)
+        fresh = _widened(brake_caps(trajectory.path, where, speed), speed) * _TIGHTER**round_
         grid = np.union1d(sigma, where)
         sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
         trajectory = retime(sigma, cap)
@@ -85,14 +84,23 @@ def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
         factor *= _SLOWER
 
 
+def _widened(caps: FloatArray, speed: FloatArray) -> FloatArray:
+    """Return the caps that count: those below the speed, and those beside them."""
+    lower = np.pad(caps < speed, 1, mode="edge")
+    counts = lower[:-2] | lower[1:-1] | lower[2:]
+    return np.where(counts, caps, NO_CAP)
+
+
 def _sampled(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Return where the trajectory moves, and how fast along its curve there."""
+    """Return where on the curve to look, both ends included, and the speeds to ask for there.
+
+    These are the largest ones near by: a cap must hold between two samples, and none is zero.
+    """
     count = int(np.clip(trajectory.duration / _SAMPLE, _FEWEST_SAMPLES, _MOST_SAMPLES))
     motion = trajectory.profile.at(np.linspace(0.0, trajectory.duration, count + 1))
     sigma, first = np.unique(motion[:, 0], return_index=True)
-    speed = motion[first, 1]
-    moving = speed > 0.0
-    return sigma[moving], speed[moving]
+    speed = np.pad(motion[first, 1], 2, mode="edge")
+    return sigma, np.lib.stride_tricks.sliding_window_view(speed, 5).max(axis=-1)
 
 
 def brake_caps(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,8 @@ class TimedCurve:
         speed_caps: Caps on the tool's speed along parts of the curve.
         tool_acceleration: Cap on the tool's acceleration [mm/s^2].
         sigma_cap: A cap on d sigma/dt, so that drives may brake by themselves.
+        rate: No acceleration counts above this times the velocity limit, and no jerk above this
+            times the acceleration that is left [1/s].
     """
 
     machine: Machine
@@ -60,6 +63,7 @@ class TimedCurve:
     speed_caps: tuple[SpeedCap, ...] = ()
     tool_acceleration: float | None = None
     sigma_cap: SigmaCap | None = None
+    rate: float = inf
 
     @classmethod
     def of(cls, path: CarriagePath) -> TimedCurve:
@@ -71,6 +75,10 @@ class TimedCurve:
         """Return this with a cap on d sigma/dt."""
         return replace(self, sigma_cap=cap)
 
+    def eased(self, rate: float) -> TimedCurve:
+        """Return this with limits of acceleration and jerk that take at least 1 / ``rate`` [s]."""
+        return replace(self, rate=rate)
+
     @property
     def has_caps(self) -> bool:
         """Whether anything but the carriages limits the motion."""
@@ -81,7 +89,9 @@ class TimedCurve:
     def limits(self) -> FloatArray:
         """Limits of the carriages: derivative, carriage, (3, 3)."""
         limits = self.machine.limits
-        return np.stack([limits.velocity, limits.acceleration, limits.jerk])
+        acceleration = np.minimum(limits.acceleration, self.rate * limits.velocity)
+        jerk = np.minimum(limits.jerk, self.rate * acceleration)
+        return np.stack([limits.velocity, acceleration, jerk])
 
     @cached_property
     def breaks(self) -> FloatArray:

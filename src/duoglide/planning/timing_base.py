@@ -20,12 +20,13 @@ def seven_phases(start: float, end: float, bounds: tuple[float, float, float]) -
     """
     speed, acceleration, jerk = bounds
     length = end - start
-    ramp = min(acceleration / jerk, sqrt(speed / jerk), cbrt(length / (2.0 * jerk)))
+    full = acceleration / jerk
+    ramp = min(full, sqrt(speed / jerk), cbrt(length / (2.0 * jerk)))
     top = min(acceleration, jerk * ramp)
     # The longest plateau of acceleration that neither speed nor length forbids.
     by_speed = speed / top - ramp
     by_length = 0.5 * (sqrt(ramp * ramp + 4.0 * length / top) - 3.0 * ramp)
-    plateau = max(0.0, min(by_speed, by_length)) if top >= acceleration else 0.0
+    plateau = max(0.0, min(by_speed, by_length)) if ramp == full else 0.0
     reached = top * (ramp + plateau)
     cruise = max(0.0, length / reached - (2.0 * ramp + plateau))
     third = (jerk, 0.0, -jerk, 0.0, -jerk, 0.0, jerk)

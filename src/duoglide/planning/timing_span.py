@@ -22,6 +22,7 @@ _RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
 _USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
 _SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
 _SAME = 1e-7  # of the duration; knots nearer than that are one
+_RAMP = 30.0  # to reach a limit in less than the share 1 / _RAMP of a cell gains nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +44,7 @@ class Effort:
     per_piece: int = 4
     rounds: int = 3
     refine: int = 2
-    polish: int = 6
+    polish: int = 12
     tolerance: float = 1e-5
 
     def finer(self) -> Effort:
@@ -67,7 +68,10 @@ class Span:
 def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Span:
     """Time the part of a curve between two rests, ``start`` and ``end`` [mm]."""
     search = _Search.between(timed, start, end)
-    found = search.quickest(effort) or search.quickest(effort.finer())
+    found = search.eased(effort).quickest(effort)
+    if found is None:
+        effort = effort.finer()
+        found = search.eased(effort).quickest(effort)
     if found is None:
         return Span(search.simple(), "the interior-point method did not converge")
     if search.fixed.size > 2:
@@ -78,7 +82,7 @@ def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Sp
 
 def estimate(timed: TimedCurve, start: float, end: float, cells: int) -> float:
     """Return about how long the quickest motion takes [s], infinity where that was not found."""
-    search = _Search.between(timed, start, end)
+    search = _Search.between(timed, start, end).eased(Effort(cells=cells))
     problem = search.problem(search.grid(search.own_clock, cells, 4))
     found = problem.improved(problem.uniform(), 3, 3e-3)
     return float(found.durations(problem.delta).sum()) if found.converged else inf
@@ -124,6 +128,16 @@ class _Search:
         """State the problem on a grid."""
         return RetimingProblem.on(self.timed, on_grid(self.base, times, self.sigma))
 
+    def eased(self, effort: Effort) -> _Search:
+        """Return this search with limits of acceleration and jerk that it can make use of.
+
+        A limit that could be reached in a small share of a cell is lowered: at any higher one the
+        motion is as quick, but bends more sharply than cells can show.
+        """
+        cells = max(effort.cells, effort.per_piece * (self.fixed.size - 1))
+        timed = self.timed.eased(_RAMP * cells / self.base.duration)
+        return _Search.between(timed, self.sigma[0], self.sigma[-1])
+
     def simple(self) -> Profile:
         """Return the base itself, slowed until it keeps every limit."""
         even = np.linspace(0.0, self.base.duration, 65)
@@ -143,19 +157,21 @@ class _Search:
             return None
         clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
         times = self.grid(clock, effort.cells, effort.per_piece)
-        problem = self.problem(times)
+        timed = self.timed.eased(_RAMP * times.size / clock[1][-1])  # the base is slower than that
+        search = replace(self, timed=timed)
+        problem = search.problem(times)
         found = problem.settled(problem.uniform(), effort.rounds - 1, effort.tolerance)
         if not found.converged:
             return None
         for _ in range(effort.refine):
-            parts = _parts(self.timed, problem.profile(found))
+            parts = _parts(timed, problem.profile(found))
             times = _divided(times, parts)
-            finer = self.problem(times)
+            finer = search.problem(times)
             again = finer.improved(found.split(problem.delta, parts), 1, effort.tolerance)
             if not again.converged:
                 break
             problem, found = finer, again
-        return _polished(self.timed, problem, found, effort)
+        return _polished(timed, problem, found, effort)
 
 
 def _first_motion(timed: TimedCurve, start: float, end: float, inner: FloatArray) -> Profile:
@@ -172,7 +188,13 @@ def _first_motion(timed: TimedCurve, start: float, end: float, inner: FloatArray
 
 def _use(timed: TimedCurve, profile: Profile) -> FloatArray:
     """Return the largest use of each limit in each piece of a profile, (n, 3, rows)."""
-    return peaks(CellMotion.of(timed, profile, POINTS).uses())
+    motion = CellMotion.of(timed, profile, POINTS)
+    use = peaks(motion.uses())
+    step = np.diff(profile.knots[:, TIME])[:, None, None, None] / (POINTS - 1)
+    rates = motion.carriages[:, :, 1:] * (timed.limits[1:] / timed.limits[:2]) * step
+    turns = _turning_values(motion.carriages[:, :, :2], rates)
+    use[:, :2, : turns.shape[-1]] = np.maximum(use[:, :2, : turns.shape[-1]], turns)
+    return use
 
 
 def _certified(timed: TimedCurve, profile: Profile) -> Profile:
@@ -227,6 +249,28 @@ def stretch(use: FloatArray) -> float:
     """
     v, a, j = (float(use[..., k, :].max()) for k in range(3))
     return max(v, sqrt(a), cbrt(j))
+
+
+def _turning_values(values: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return the largest amount where the cubics between samples turn; 0 where none does.
+
+    Args:
+        values: Evenly spaced, shape (n, points, ...).
+        rates: Their derivatives, times the spacing.
+
+    Returns:
+        Shape (n, ...).
+    """
+    low, rise = values[:, :-1], np.diff(values, axis=1)
+    sign = np.sign(low + values[:, 1:])
+    first, last = sign * rates[:, :-1], sign * rates[:, 1:]
+    rise, low = sign * rise, sign * low
+    a, b = first + last - 2.0 * rise, 3.0 * rise - 2.0 * first - last
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = first / (np.sqrt(b * b - 3.0 * a * first) - b)
+        top = low + u * (first + u * (b + u * a))
+    largest: FloatArray = np.where((first > 0.0) & (last < 0.0), top, 0.0).max(axis=1)
+    return largest
 
 
 def peaks(samples: FloatArray) -> FloatArray:
