@@ -109,6 +109,17 @@ def test_clearance_of_one_pose_is_that_of_many(geometries: list[dg.Geometry], po
     assert nearest == set(FAMILIES) - {"legs_parallel"}
 
 
+def test_who_asks_up_to_a_distance_is_told_the_truth_up_to_it(
+    geometries: list[dg.Geometry], poses: Any
+) -> None:
+    for geometry, mode in product(geometries, BRANCHES):
+        position = poses(geometry, mode, 40)
+        whole = nearest_surface(geometry, mode.v, position).distance
+        part = nearest_surface(geometry, mode.v, position, within=5.0).distance
+        np.testing.assert_array_equal(part[whole < 5.0], whole[whole < 5.0])
+        assert (part[whole >= 5.0] >= 5.0).all()
+
+
 def test_of_one_pose_there_are_plain_numbers(geometry: dg.Geometry) -> None:
     for pose in ((-41.0, 0.0, 302.0), [-41, 0, 302], np.array([-41.0, 0.0, 302.0])):
         room, within = dg.clearance(geometry, pose), dg.reachable(geometry, pose)

@@ -10,6 +10,7 @@ This is what lies under ``clearance``, for callers that know their positions to 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ class Nearest:
         return np.array(SURFACES)[self.surface]
 
 
-def nearest_surface(g: Geometry, v: int, position: FloatArray) -> Nearest:
+def nearest_surface(g: Geometry, v: int, position: FloatArray, within: float = inf) -> Nearest:
     """Find the nearest surface of the branch ``v`` for reachable positions.
 
     In the modes w1 = w2 every pose is singular besides (legs parallel); that is not looked at.
@@ -51,6 +52,8 @@ def nearest_surface(g: Geometry, v: int, position: FloatArray) -> Nearest:
         g: Dimensions of the robot.
         v: Sign of sin(beta).
         position: Platform centre O' [mm], shape (..., 3), within reach.
+        within: Distance up to which the quartic of case 2 is sought [mm]: who only asks whether
+            something is nearer than that has the answer sooner.
     """
     xb = g.platform_half_width - g.rail_half_spacing
     zb = g.carriage_height + g.strut_drop
@@ -61,17 +64,18 @@ def nearest_surface(g: Geometry, v: int, position: FloatArray) -> Nearest:
     curve = curve_of(g, v)
     for start in range(0, X.size, BLOCK):
         part = slice(start, start + BLOCK)
-        found, surface[part] = _nearest(g, v, curve, X[part], Z[part])
+        found, surface[part] = _nearest(g, (curve, within), X[part], Z[part])
         distance[part], away[part, 0], away[part, 2] = found.T
     shape = position.shape[:-1]
     return Nearest(distance.reshape(shape), away.reshape(position.shape), surface.reshape(shape))
 
 
 def _nearest(
-    g: Geometry, v: int, curve: Case2Curve, X: FloatArray, Z: FloatArray
+    g: Geometry, quartic: tuple[Case2Curve, float], X: FloatArray, Z: FloatArray
 ) -> tuple[FloatArray, IndexArray]:
     """Return the distance and the direction away, shape (n, 3), and which surface it is."""
-    l2, l6, l9 = g.leg_length, g.arm_length, g.strut_length
+    curve, within = quartic
+    v, l2, l6, l9 = curve.v, g.leg_length, g.arm_length, g.strut_length
     u = X - 2.0 * (g.rail_half_spacing - g.platform_half_width)
     rise = Z - (g.riser_height + g.arm_drop - g.strut_drop)
     radius = np.hypot(X, Z)
@@ -82,7 +86,7 @@ def _nearest(
     ]
     found += [_half_circle(u, rise - side * l2, l6, v, side) for side in (-1, 0, 1)]
     best = np.min([entry[0] for entry in found], axis=0)
-    found.append(curve.nearest(X, Z, best))
+    found.append(curve.nearest(X, Z, np.minimum(best, within)))
     table = np.array(found)  # (surface, quantity, pose)
     first = table[:, 0].argmin(axis=0)
     return table[first, :, np.arange(X.size)], first

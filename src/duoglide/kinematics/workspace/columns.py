@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray, as_triples
 from duoglide.kinematics.modes import WORKING, WorkingMode
-from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.workspace.constraints import Constraints, Range
 from duoglide.kinematics.workspace.interference import interference_gap
 from duoglide.machine import Geometry
@@ -96,7 +96,8 @@ def _is_clear(g: Geometry, poses: FloatArray, c: Constraints, mode: WorkingMode)
     """Whether poses keep away from singularities, and links from each other."""
     clear = np.ones(len(poses), dtype=np.bool_)
     if c.clearance > 0.0:
-        clear &= clearance(g, poses, mode) >= c.clearance
+        near = nearest_surface(g, mode.v, poses, within=c.clearance)
+        clear &= (near.distance >= c.clearance) & (mode.w1 != mode.w2)  # else singular everywhere
     if c.link_radius > 0.0:
         clear[clear] = interference_gap(g, poses[clear], mode) >= 2.0 * c.link_radius
     return clear
