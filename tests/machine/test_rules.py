@@ -14,6 +14,12 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert rules.per_carriage("key", np.array(4.0), "mm") == (4.0, 4.0, 4.0)
 
 
+@pytest.mark.parametrize("value", [[1.0, [2.0], 3.0], [[1.0], 2.0], "123", [], {"a": 1.0}])
+def test_what_is_no_number_for_each_carriage_is_refused(value: object) -> None:
+    with pytest.raises(dg.ConfigError, match="key = "):
+        rules.per_carriage("key", value, "mm")
+
+
 def test_zero_is_not_negative() -> None:
     assert rules.not_negative("key", 0) == 0.0
     with pytest.raises(dg.ConfigError, match=r"key = -0\.1: must be 0 or above"):

@@ -69,7 +69,8 @@ def triple(key: str, value: object, unit: str = "mm") -> tuple[float, float, flo
 
 def per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
     """Return one positive value per carriage, from one number or three, or raise ConfigError."""
-    scalar = not isinstance(value, Sequence | np.ndarray) or np.ndim(value) == 0
+    array = isinstance(value, np.ndarray) and value.ndim > 0
+    scalar = not array and (not isinstance(value, Sequence) or isinstance(value, str))
     values = triple(key, [value] * 3 if scalar else value, unit)
     if min(values) <= 0.0:
         raise ConfigError(f"{key} = {value!r}: every value must be above 0 [{unit}]")

@@ -48,7 +48,10 @@ class Profile:
             raise InputError("times of knots must begin at 0 and increase")
         if np.any(np.diff(knots[:, SIGMA]) < 0.0):
             raise InputError("sigma must not fall from knot to knot")
-        polynomials = hermite(knots)
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            polynomials = hermite(knots)
+        if not np.isfinite(polynomials).all():
+            raise InputError("knots: numbers between which no motion can be reckoned")
         store = object.__setattr__
         store(self, "knots", knots)
         store(self, "_polynomials", polynomials)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_floats, as_number
-from duoglide.errors import InputError
+from duoglide.errors import DuoglideError, InputError
 from duoglide.machine import Machine
 from duoglide.motion.actions import Action, action_from_dict
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
@@ -196,7 +196,9 @@ class Trajectory:
                 actions=tuple((float(t), action_from_dict(a)) for t, a in document["actions"]),
                 report=TimingReport.from_dict(document["report"]),
             )
-        except (KeyError, TypeError) as error:
+        except DuoglideError:
+            raise
+        except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"not a trajectory: {error!r}") from error
 
     def save(self, path: str | os.PathLike[str]) -> None:
