@@ -16,7 +16,7 @@ from duoglide.storage import (
     Topic,
 )
 
-CYCLES = 120
+CYCLES = 60
 ANCHOR = ClockAnchor(monotonic=1234.5, wall_ns=1_700_000_000_000_000_000)
 
 

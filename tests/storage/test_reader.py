@@ -55,7 +55,7 @@ def test_every_truncation_opens_up_to_its_last_whole_record_or_is_refused(
     torn = tmp_path / "torn.mcap"
     opened = refused = 0
     longest = 0
-    for size in range(0, len(whole), 17):
+    for size in range(0, len(whole), 11):
         torn.write_bytes(whole[:size])
         try:
             got = messages_of(torn)
