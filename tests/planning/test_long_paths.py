@@ -9,6 +9,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
+from duoglide.motion.timing_report import TimingMethod
 from duoglide.planning import _interior_point, _retiming_solver
 from duoglide.planning.timed_curve import TimedCurve
 from duoglide.planning.timing import time_path
@@ -103,3 +104,5 @@ def test_a_window_that_does_not_converge_keeps_what_it_had(
     windowed = time_path(_winding(machine, 80), QUICK)
     assert len(solves) > 20
     assert windowed.audit().worst <= 1.0005
+    assert windowed.report.method is TimingMethod.IN_PART
+    assert "windows" in windowed.audit().fallback

@@ -12,6 +12,7 @@ class TimingMethod(StrEnum):
     """Which stage made the profile."""
 
     NEAR_OPTIMAL = "near-optimal"
+    IN_PART = "near-optimal in part"
     CERTIFIED_SLOW = "certified, slower"
     TRANSFER = "transfer"
     RECORDED = "recorded"  # the pace of a run, whose changes may have used the stop limits
@@ -23,7 +24,7 @@ class TimingReport:
 
     Attributes:
         method: Which stage made the profile.
-        reason: Why it is not the near-optimal one; empty where it is.
+        reason: Why it is not the near-optimal one, all of it; empty where it is.
         brake_safe: Whether the plan was slowed so that drives may brake by themselves anywhere.
         duration_before_braking: Duration without that slow-down [s]; 0 where there was none.
         braking_clearance: Least clearance while every drive brakes by itself [mm]; NaN where that

@@ -42,7 +42,21 @@ class Limits(NamedTuple):
         return Limits(*(part[low:high] for part in self))
 
 
-def solve(limits: Limits, start: Nodes, tolerance: float) -> tuple[Nodes, bool]:
+class Solution(NamedTuple):
+    """What was found.
+
+    Attributes:
+        nodes: alpha and beta at each node.
+        converged: Whether the solver did, in most windows.
+        kept: In how many it did not, so that they keep what they had.
+    """
+
+    nodes: Nodes
+    converged: bool
+    kept: int = 0
+
+
+def solve(limits: Limits, start: Nodes, tolerance: float) -> Solution:
     """Return the quickest retiming with the tangents of the jerk limit at ``start``.
 
     Args:
@@ -50,29 +64,25 @@ def solve(limits: Limits, start: Nodes, tolerance: float) -> tuple[Nodes, bool]:
         start: Where to begin, and where the tangents are.
         tolerance: Of the duration, relative.
 
-    Returns:
-        The solution, and whether the solver converged.
     """
     cells = limits.delta.size
     if cells < LONG:
         rows = _rows(limits, start)
-        return _window(limits, rows, start, (True, True), tolerance)
+        return Solution(*_window(limits, rows, start, (True, True), tolerance))
     edges = np.linspace(0, cells, round(cells / WINDOW) + 1).astype(np.intp)
     between = (edges[1:] + edges[:-1]) // 2
-    now, good = _sweep(limits, start, edges, tolerance)
-    if not good:
-        return now, False
-    return _sweep(limits, now, np.array([0, *between, cells]), tolerance)
+    first = _sweep(limits, start, edges, tolerance)
+    if not first.converged:
+        return first
+    return _sweep(limits, first.nodes, np.array([0, *between, cells]), tolerance)
 
 
-def _sweep(
-    limits: Limits, start: Nodes, cuts: NDArray[np.intp], tolerance: float
-) -> tuple[Nodes, bool]:
+def _sweep(limits: Limits, start: Nodes, cuts: NDArray[np.intp], tolerance: float) -> Solution:
     """Solve each window between two cuts."""
     worst = _interior_point.excess(_rows(limits, start), _unknowns(start, _unit(limits)))
     scale = _SHRINK_ENDS / max(1.0, worst)
     alpha, beta = start[0] * scale, start[1] * scale
-    solved = 0
+    kept = 0
     for low, high in pairwise(cuts.tolist()):
         at = slice(low, high + 1)
         part = limits.window(low, high)
@@ -81,8 +91,9 @@ def _sweep(
         found, converged = _window(part, rows, (alpha[at], beta[at]), at_rest, tolerance)
         if converged:
             alpha[at], beta[at] = found
-            solved += 1
-    return (alpha, beta), solved >= _ENOUGH * (cuts.size - 1)
+        else:
+            kept += 1
+    return Solution((alpha, beta), kept <= (1.0 - _ENOUGH) * (cuts.size - 1), kept)
 
 
 def _window(

@@ -15,7 +15,7 @@ from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import room
 from duoglide.planning.braking import BrakeReport, Brakes, brake_report
 from duoglide.planning.stopping import stop_bounds
-from duoglide.planning.timing_span import peaks
+from duoglide.planning.timing_use import peaks
 
 Retime = Callable[[FloatArray, FloatArray], Trajectory]
 """Time the same curve again under a cap on d sigma/dt: sigma (n,) and the cap there (n,), linear in

@@ -38,11 +38,13 @@ class Retiming:
         alpha: (d theta/dt)^2 at each node, (n + 1,).
         beta: d2 theta/dt2 at each node [1/s], (n + 1,).
         converged: Whether the solver reached its tolerance.
+        kept: Windows of a long one in which it did not, so that they keep what they had.
     """
 
     alpha: FloatArray
     beta: FloatArray
     converged: bool = True
+    kept: int = 0
 
     def split(self, delta: FloatArray, parts: NDArray[np.intp]) -> Retiming:
         """Return the same retiming on a finer grid.
@@ -138,8 +140,8 @@ class RetimingProblem:
 
     def _solved(self, start: Retiming, tolerance: float) -> Retiming:
         limits = Limits(self.delta, self.speed, self.acceleration, self.jerk)
-        nodes, converged = solve(limits, (start.alpha, start.beta), tolerance)
-        return Retiming(*nodes, converged)
+        found = solve(limits, (start.alpha, start.beta), tolerance)
+        return Retiming(*found.nodes, found.converged, found.kept)
 
     def tightened(self, use: FloatArray) -> RetimingProblem:
         """Return this problem with the limits lowered where a solution overshoots them.

@@ -13,7 +13,7 @@ from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.stopping import stop_bounds
 from duoglide.planning.timed_curve import SigmaCap, TimedCurve
-from duoglide.planning.timing_span import Effort, time_span
+from duoglide.planning.timing_span import Effort, Span, time_span
 
 Progress = Callable[[float], None]  # told the share that is done, 0 to 1
 
@@ -38,7 +38,7 @@ def time_path(
         timed = timed.capped(sigma_cap)
     rests = [0.0, *path.curve.rests, path.curve.end]
     parts: list[Profile] = []
-    reasons: list[str] = []
+    flagged: list[Span] = []
     actions: list[tuple[float, Action]] = []
     waiting = list(path.checked.actions)
     clock = 0.0
@@ -49,7 +49,7 @@ def time_path(
             actions += [(clock + span.profile.time_at(s), action) for s, action in passed]
             waiting = waiting[len(passed) :]
             parts.append(span.profile)
-            reasons += [span.reason] if span.reason else []
+            flagged += [span] if span.reason else []
             clock += span.profile.duration
         while waiting and waiting[0][0] <= rest:
             action = waiting.pop(0)[1]
@@ -60,19 +60,21 @@ def time_path(
         if progress is not None:
             progress(rest / path.curve.end)
     profile = Profile.joined(parts)
-    return _finished(path, profile, tuple(actions), reasons)
+    return _finished(path, profile, tuple(actions), flagged)
 
 
 def _finished(
     path: CarriagePath,
     profile: Profile,
     actions: tuple[tuple[float, Action], ...],
-    reasons: list[str],
+    flagged: list[Span],
 ) -> Trajectory:
     report = TimingReport()
-    if reasons:
+    if flagged:
+        slow = any(span.method is TimingMethod.CERTIFIED_SLOW for span in flagged)
         report = TimingReport(
-            method=TimingMethod.CERTIFIED_SLOW, reason="; ".join(dict.fromkeys(reasons))
+            method=TimingMethod.CERTIFIED_SLOW if slow else TimingMethod.IN_PART,
+            reason="; ".join(dict.fromkeys(span.reason for span in flagged)),
         )
     draft = Trajectory(
         path, profile, StopBounds.constant(profile.duration, 1.0, 1.0), actions, report

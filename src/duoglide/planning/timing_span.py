@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import cbrt, inf, sqrt
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import TIME, Profile
+from duoglide.motion.timing_report import TimingMethod
 from duoglide.planning.retiming import Retiming, RetimingProblem, on_grid
 from duoglide.planning.timed_curve import CellMotion, TimedCurve
 from duoglide.planning.timing_base import seven_phases
 from duoglide.planning.timing_grid import grid
+from duoglide.planning.timing_use import POINTS, largest_use, stretch
 
-POINTS = 9  # at which each piece of a profile is looked at
 _ROUNDING = 1e-6
 _FINE = 1e-3  # of the duration; a motion that exceeds its limits by less needs no other round
 _RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
 _USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
 _SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
 _SAME = 1e-7  # of the duration; knots nearer than that are one
+_COARSE = "a refinement did not converge: the motion before it is kept"
+_UNPOLISHED = "a correction of overshoots did not converge: the whole is slowed instead"
+_NOT_CONVERGED = "the interior-point method did not converge"
 _RAMP = 30.0  # to reach a limit in less than the share 1 / _RAMP of a cell gains nothing
 
 
@@ -58,10 +62,12 @@ class Span:
 
     Attributes:
         profile: Certified: every limit holds.
+        method: Which stage made it.
         reason: Why it is not the near-optimal one; empty where it is.
     """
 
     profile: Profile
+    method: TimingMethod = TimingMethod.NEAR_OPTIMAL
     reason: str = ""
 
 
@@ -73,11 +79,11 @@ def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Sp
         effort = effort.finer()
         found = search.eased(effort).quickest(effort)
     if found is None:
-        return Span(search.simple(), "the interior-point method did not converge")
+        return Span(search.simple(), TimingMethod.CERTIFIED_SLOW, _NOT_CONVERGED)
     if search.fixed.size > 2:
-        return Span(found)
+        return found
     simple = search.simple()  # which is the optimum where all carriages move alike
-    return Span(found if found.duration < simple.duration else simple)
+    return found if found.profile.duration < simple.duration else Span(simple)
 
 
 def estimate(timed: TimedCurve, start: float, end: float, cells: int) -> float:
@@ -149,7 +155,7 @@ class _Search:
         times = np.union1d(every[apart], self.fixed)
         return _certified(self.timed, on_grid(self.base, times, self.sigma))
 
-    def quickest(self, effort: Effort) -> Profile | None:
+    def quickest(self, effort: Effort) -> Span | None:
         """Return the near-optimal motion, or None where the solver does not converge."""
         rough = self.problem(self.grid(self.own_clock, effort.coarse, 2))
         first = rough.settled(rough.uniform(), 1, 1e-3)
@@ -169,7 +175,8 @@ class _Search:
             finer = search.problem(times)
             again = finer.improved(found.split(problem.delta, parts), 1, effort.tolerance)
             if not again.converged:
-                break
+                span = _polished(timed, problem, found, effort)
+                return _in_part(span.profile, _COARSE, span.reason)
             problem, found = finer, again
         return _polished(timed, problem, found, effort)
 
@@ -186,20 +193,9 @@ def _first_motion(timed: TimedCurve, start: float, end: float, inner: FloatArray
     return seven_phases(start, end, (bounds[0], bounds[1], bounds[2]))
 
 
-def _use(timed: TimedCurve, profile: Profile) -> FloatArray:
-    """Return the largest use of each limit in each piece of a profile, (n, 3, rows)."""
-    motion = CellMotion.of(timed, profile, POINTS)
-    use = peaks(motion.uses())
-    step = np.diff(profile.knots[:, TIME])[:, None, None, None] / (POINTS - 1)
-    rates = motion.carriages[:, :, 1:] * (timed.limits[1:] / timed.limits[:2]) * step
-    turns = _turning_values(motion.carriages[:, :, :2], rates)
-    use[:, :2, : turns.shape[-1]] = np.maximum(use[:, :2, : turns.shape[-1]], turns)
-    return use
-
-
 def _certified(timed: TimedCurve, profile: Profile) -> Profile:
     """Return ``profile``, slowed by one factor so that no limit is exceeded anywhere."""
-    return profile.stretched(stretch(_use(timed, profile)) * (1.0 + _ROUNDING))
+    return profile.stretched(stretch(largest_use(timed, profile)) * (1.0 + _ROUNDING))
 
 
 def _parts(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
@@ -220,73 +216,30 @@ def _divided(times: FloatArray, parts: NDArray[np.intp]) -> FloatArray:
     return np.append(times[cell] + share * np.diff(times)[cell], times[-1])
 
 
-def _polished(
-    timed: TimedCurve, problem: RetimingProblem, found: Retiming, effort: Effort
-) -> Profile:
+def _polished(timed: TimedCurve, problem: RetimingProblem, found: Retiming, effort: Effort) -> Span:
     """Lower the limits where the motion exceeds them between knots; slow down by what remains."""
-    best = profile = problem.profile(found)
-    least = inf
+    best = problem.profile(found), found.kept
+    least, remedy = inf, ""
     for turn in range(effort.polish + 1):
-        use = _use(timed, profile)
+        profile = problem.profile(found)
+        use = largest_use(timed, profile)
         factor = stretch(use)
         if profile.duration * factor < least:
-            best, least = profile, profile.duration * factor
+            best, least = (profile, found.kept), profile.duration * factor
         if factor < 1.0 + _FINE or turn == effort.polish:
             break
         problem = problem.tightened(use)
         again = problem.improved(found, 1, effort.tolerance)
         if not again.converged:
+            remedy = _UNPOLISHED
             break
-        found, profile = again, problem.profile(again)
-    return best.stretched(least / best.duration * (1.0 + _ROUNDING))
+        found = again
+    profile, kept = best
+    profile = profile.stretched(least / profile.duration * (1.0 + _ROUNDING))
+    return _in_part(profile, f"{kept} windows of it did not converge" if kept else "", remedy)
 
 
-def stretch(use: FloatArray) -> float:
-    """Return the factor of all times that brings the worst use to 1.
-
-    Args:
-        use: Of limits of velocity, acceleration and jerk, shape (..., 3, rows).
-    """
-    v, a, j = (float(use[..., k, :].max()) for k in range(3))
-    return max(v, sqrt(a), cbrt(j))
-
-
-def _turning_values(values: FloatArray, rates: FloatArray) -> FloatArray:
-    """Return the largest amount where the cubics between samples turn; 0 where none does.
-
-    Args:
-        values: Evenly spaced, shape (n, points, ...).
-        rates: Their derivatives, times the spacing.
-
-    Returns:
-        Shape (n, ...).
-    """
-    low, rise = values[:, :-1], np.diff(values, axis=1)
-    sign = np.sign(low + values[:, 1:])
-    first, last = sign * rates[:, :-1], sign * rates[:, 1:]
-    rise, low = sign * rise, sign * low
-    a, b = first + last - 2.0 * rise, 3.0 * rise - 2.0 * first - last
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u = first / (np.sqrt(b * b - 3.0 * a * first) - b)
-        top = low + u * (first + u * (b + u * a))
-    largest: FloatArray = np.where((first > 0.0) & (last < 0.0), top, 0.0).max(axis=1)
-    return largest
-
-
-def peaks(samples: FloatArray) -> FloatArray:
-    """Return the largest value between samples along axis 1, estimated by parabolas.
-
-    Args:
-        samples: Evenly spaced, shape (n, points, ...), at least three points.
-
-    Returns:
-        Shape (n, ...).
-    """
-    before, middle, after = samples[:, :-2], samples[:, 1:-1], samples[:, 2:]
-    bend = before - 2.0 * middle + after
-    slope = 0.5 * (after - before)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inside = np.abs(slope) < -bend  # the parabola has its peak between the outer two
-        top = np.where(inside, middle - 0.5 * slope * slope / bend, middle)
-    largest: FloatArray = np.maximum(samples.max(axis=1), top.max(axis=1))
-    return largest
+def _in_part(profile: Profile, *reasons: str) -> Span:
+    """Return a span that is near the optimum but for some reasons, which may be empty."""
+    told = "; ".join(filter(None, reasons))
+    return Span(profile, TimingMethod.IN_PART if told else TimingMethod.NEAR_OPTIMAL, told)
