@@ -10,6 +10,8 @@ from duoglide.arrays import FloatArray
 from duoglide.viewer.figures.scene import Label, Line, Scene, View
 
 _GREY = "#8a8a8a"
+_CORNER = 0.06  # of a scale's length: how near to the corner with another it has no number
+_NAME, _NAME_WIDTH = 24.0, 14.0  # [pt] from the edge to a scale's name; more of it where it is wide
 
 
 def frame(
@@ -56,11 +58,15 @@ def _scale(
     centre = edge.copy()
     centre[axis] = 0.5 * (low[axis] + high[axis])
     outward = _away(basis[:2] @ (centre - 0.5 * (low + high)), basis[:2, axis])
+    foot = (low, high)[bool(basis[1, axis] < 0.0)][axis]
     for value in _nice_ticks(low[axis], high[axis], ticks):
+        if axis == 1 and abs(value - foot) < _CORNER * (high[axis] - low[axis]):
+            continue  # the scale along x ends there too
         at = edge.copy()
         at[axis] = value
         scene.add(Label(at, f"{value:g}", _points(9.0 * outward), "#555555", 5.5))
-    scene.add(Label(centre, name, _points(26.0 * outward), "#222222", 7.0))
+    distance = _NAME + _NAME_WIDTH * abs(float(outward[0]))
+    scene.add(Label(centre, name, _points(distance * outward), "#222222", 7.0))
 
 
 def _away(outward: FloatArray, along: FloatArray) -> FloatArray:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 FIGURES: tuple[Callable[[Geometry], Plate], ...] = (
     figure_2, figure_4, figure_5, figure_6, figure_7, figure_8, figure_9, figure_10, figure_11,
 )  # fmt: skip
+_TITLE_PAD = 12.0  # [pt] over a scene, whose topmost joint has a name above it
 _STYLE = {
     "font.family": "sans-serif",
     "font.size": 7.5,
@@ -129,7 +130,7 @@ def _fill(figure: Figure, plate: Plate) -> None:
             )
         else:
             panel.paint(axes)
-        axes.set_title(panel.title)
+        axes.set_title(panel.title, pad=_TITLE_PAD if isinstance(panel, Solid) else None)
     if plate.key:
         from matplotlib.patches import Patch
 
