@@ -20,7 +20,8 @@ from duoglide.machine import Geometry
 IndexArray: TypeAlias = NDArray[np.intp]
 
 SAMPLES = 401  # places along x at which the order of the curves is looked at
-BISECTIONS = 36
+PARTS, ROUNDS = 16, 9  # 2^36 steps in a cell, 16 times finer at a time
+SHARES = np.linspace(0.0, 1.0, PARTS + 1)
 CHANGES_PER_CELL = 4
 SLIVER = 1e-9  # [mm], below which a stretch is rounding
 
@@ -242,18 +243,22 @@ class _Order:
 
 
 def _changes(order: _Order, x: FloatArray) -> FloatArray:
-    """Find where the order of the curves changes, to rounding, by bisection."""
+    """Find where the order of the curves changes, to rounding, in ever finer steps."""
     found: list[FloatArray] = []
     signatures = order.signatures(x)
     changed = (signatures[:, :-1] != signatures[:, 1:]).any(axis=0)
     low, high = x[:-1][changed], x[1:][changed]
     last = signatures[:, 1:][:, changed]
     for _ in range(CHANGES_PER_CELL):
-        end, first = high.copy(), order.signatures(low)
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            same = (order.signatures(middle) == first).all(axis=0)
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        end, first = high.copy(), order.signatures(low)[..., None]
+        for _ in range(ROUNDS):
+            between = low[:, None] + (high - low)[:, None] * SHARES
+            signature = order.signatures(between.ravel()).reshape(-1, *between.shape)
+            same = (signature == first).all(axis=0)
+            same[:, 0], same[:, -1] = True, False
+            at = same.argmin(axis=1)[:, None]
+            low = np.take_along_axis(between, at - 1, axis=1)[:, 0]
+            high = np.take_along_axis(between, at, axis=1)[:, 0]
         found.append(high)
         more = (order.signatures(high) != last).any(axis=0) & (high < end)
         low, high, last = high[more], end[more], last[:, more]
