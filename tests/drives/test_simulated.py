@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import errno
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -13,7 +14,7 @@ import can
 import can.interfaces.virtual
 import pytest
 
-from duoglide.drives import faults, pdo
+from duoglide.drives import faults, pdo, process
 from duoglide.drives.buses import open_bus
 from duoglide.drives.cia402 import State
 from duoglide.drives.plant import PlantParameters
@@ -79,6 +80,13 @@ def test_signals_that_end_a_session_are_the_parents_business() -> None:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             os.kill(drives.pid, number)
         assert [s.position for s in drives.snapshot()] == [1.0, 2.0, 3.0]
+
+
+def test_drives_whose_parent_is_gone_at_once_end_without_a_word() -> None:
+    ours, theirs = multiprocessing.Pipe()
+    ours.close()
+    process.main(os.dup(theirs.fileno()))
+    theirs.close()
 
 
 def test_a_bus_that_cannot_be_served_is_a_bus_error() -> None:

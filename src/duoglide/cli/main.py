@@ -84,20 +84,28 @@ def start(
         raise typer.Exit(MISUSED)
 
 
+class _Interrupted(KeyboardInterrupt):
+    """Ctrl-C, but as a class of its own.
+
+    A KeyboardInterrupt that happens within ``exec`` (imports are full of it) makes Python end by a
+    signal in the end, although it was caught.
+    """
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and leave the process with its exit code.
 
     Whoever ends it from outside (a supervisor's SIGTERM, a terminal that is gone) ends it as Ctrl-C
     does: a machine in motion stops along its path and logs are closed.
     """
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has SIGHUP ignored
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it for SIGHUP
             signal.signal(number, _interrupt)
     sys.exit(run(arguments))
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+    raise _Interrupted
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

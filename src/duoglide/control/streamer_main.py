@@ -12,6 +12,7 @@ import signal
 import socket
 import sys
 import threading
+from contextlib import suppress
 
 from duoglide.control.clock import MonotonicClock
 from duoglide.control.link import BusLink
@@ -102,8 +103,10 @@ def take_programs(bulk: socket.socket, inbox: SocketInbox) -> None:
 
 
 def _answer(bulk: socket.socket, thing: object) -> None:
+    """Answer the host, if it is still there; that it is gone is seen in the next cycle."""
     data = pickle.dumps(thing)
-    bulk.sendall(LENGTH.pack(len(data)) + data)
+    with suppress(BrokenPipeError):
+        bulk.sendall(LENGTH.pack(len(data)) + data)
 
 
 def main(arguments: list[str]) -> int:
@@ -134,4 +137,7 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except EOFError:
+        sys.exit(1)  # the host was gone before it said what to do

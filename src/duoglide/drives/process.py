@@ -65,17 +65,23 @@ def main(descriptor: int) -> None:
         descriptor: Of the pipe to the parent; the first thing in it is the job.
     """
     pipe = Connection(descriptor)
+    try:
+        _serve(pipe)
+    except BusError as error:
+        pipe.send(error)
+    except (BrokenPipeError, EOFError):
+        return  # the parent was gone before the drives were there
+
+
+def _serve(pipe: Connection) -> None:
     settings, positions, bus, plants, standstill = pipe.recv()
     rack = build_rack(settings, positions, plants, standstill=standstill)
     control = _Control(pipe, rack)
     _be_prompt()
-    try:
-        if parse_bus(bus).kind is BusKind.VIRTUAL:
-            _serve_hub(rack, control, pipe)
-        else:
-            _serve_bus(bus, settings.bit_rate, rack, control, pipe)
-    except BusError as error:
-        pipe.send(error)
+    if parse_bus(bus).kind is BusKind.VIRTUAL:
+        _serve_hub(rack, control, pipe)
+    else:
+        _serve_bus(bus, settings.bit_rate, rack, control, pipe)
 
 
 def _serve_hub(rack: DriveRack, control: _Control, pipe: Connection) -> None:
