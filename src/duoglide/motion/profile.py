@@ -126,6 +126,10 @@ class Profile:
         """Return the same motion with every time multiplied by ``factor``."""
         return Profile(self.knots * np.array([factor, 1.0, 1.0 / factor, 1.0 / factor**2]))
 
+    def until(self, knot: int) -> Profile:
+        """Return the same motion up to a knot, to the last bit."""
+        return Profile(self.knots[: knot + 1])
+
     @staticmethod
     def joined(parts: Sequence[Profile]) -> Profile:
         """Return one profile after the other; each begins in the state where the last one ends."""

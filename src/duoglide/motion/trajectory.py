@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -66,6 +66,8 @@ class Trajectory:
         stops: How fast the rate of the motion may be changed while it runs.
         actions: What to do on the way: (time [s], action), in order.
         report: How the timing came about.
+        whole: Where this ends in motion, because another trajectory takes over: the trajectory to
+            rest that it is the first part of. Run that if no other one comes.
     """
 
     path: CarriagePath | TransferPath
@@ -73,6 +75,7 @@ class Trajectory:
     stops: StopBounds
     actions: tuple[tuple[float, Action], ...] = ()
     report: TimingReport = field(default_factory=TimingReport)
+    whole: Trajectory | None = None
 
     @property
     def machine(self) -> Machine:
@@ -151,6 +154,17 @@ class Trajectory:
         times = np.minimum(np.arange(count + 1) * step, self.duration)
         return times, self.at(times)
 
+    def until(self, knot: int, stops: StopBounds) -> Trajectory:
+        """Return the part up to a knot of the profile, where another trajectory takes over.
+
+        Args:
+            knot: Index of the knot; not the first one.
+            stops: Bounds of changes that begin in this part; they may end after it, on the whole.
+        """
+        profile = self.profile.until(knot)
+        passed = tuple(entry for entry in self.actions if entry[0] < profile.duration)
+        return replace(self, profile=profile, stops=stops, actions=passed, whole=self)
+
     def audit(self) -> Audit:
         """Measure the worst use of each limit on finite differences of the positions, at 20 kHz.
 
@@ -172,6 +186,13 @@ class Trajectory:
 
     def to_document(self) -> dict[str, Any]:
         """Return plain numbers, text and lists that ``from_document`` reads back exactly."""
+        if self.whole is not None:
+            knot = len(self.profile.knots) - 1
+            return {
+                "whole": self.whole.to_document(),
+                "knot": knot,
+                "stops": self.stops.to_dict(),
+            }
         return {
             **_describe(self.path),
             "profile": self.profile.knots.tolist(),
@@ -189,6 +210,9 @@ class Trajectory:
             ConfigError: Its machine breaks a rule.
         """
         try:
+            if "whole" in document:
+                whole = cls.from_document(document["whole"])
+                return whole.until(int(document["knot"]), StopBounds.from_dict(document["stops"]))
             return cls(
                 path=_path_of(document),
                 profile=Profile(document["profile"]),

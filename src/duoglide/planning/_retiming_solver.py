@@ -56,19 +56,20 @@ class Solution(NamedTuple):
     kept: int = 0
 
 
-def solve(limits: Limits, start: Nodes, tolerance: float) -> Solution:
+def solve(limits: Limits, start: Nodes, tolerance: float, from_rest: bool = True) -> Solution:
     """Return the quickest retiming with the tangents of the jerk limit at ``start``.
 
     Args:
-        limits: Of a motion from rest to rest.
+        limits: Of a motion that ends at rest.
         start: Where to begin, and where the tangents are.
         tolerance: Of the duration, relative.
-
+        from_rest: Whether the motion begins at rest; else its first node stays as it is, and all
+            of it is one window.
     """
     cells = limits.delta.size
-    if cells < LONG:
+    if cells < LONG or not from_rest:
         rows = _rows(limits, start)
-        return Solution(*_window(limits, rows, start, (True, True), tolerance))
+        return Solution(*_window(limits, rows, start, (from_rest, True), tolerance))
     edges = np.linspace(0, cells, round(cells / WINDOW) + 1).astype(np.intp)
     between = (edges[1:] + edges[:-1]) // 2
     first = _sweep(limits, start, edges, tolerance)

@@ -78,7 +78,7 @@ class Retiming:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RetimingProblem:
-    """A motion from rest to rest on a grid, and what its retiming may ask of the carriages.
+    """A motion on a grid, and what its retiming may ask of the carriages.
 
     Attributes:
         base: The motion to improve; its knots are the grid.
@@ -86,6 +86,7 @@ class RetimingProblem:
         speed: See ``_retiming_rows.limit_rows``.
         acceleration: See there.
         jerk: See there.
+        from_rest: Whether the motion begins at rest; else it begins as ``base`` does.
     """
 
     base: Profile
@@ -93,6 +94,7 @@ class RetimingProblem:
     speed: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    from_rest: bool = True
 
     @classmethod
     def on(cls, timed: TimedCurve, base: Profile) -> RetimingProblem:
@@ -140,7 +142,7 @@ class RetimingProblem:
 
     def _solved(self, start: Retiming, tolerance: float) -> Retiming:
         limits = Limits(self.delta, self.speed, self.acceleration, self.jerk)
-        found = solve(limits, (start.alpha, start.beta), tolerance)
+        found = solve(limits, (start.alpha, start.beta), tolerance, self.from_rest)
         return Retiming(*found.nodes, found.converged, found.kept)
 
     def tightened(self, use: FloatArray) -> RetimingProblem:

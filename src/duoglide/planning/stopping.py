@@ -16,6 +16,7 @@ rising rates have bounds of their own.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -70,10 +71,48 @@ def stop_bounds(trajectory: Timed) -> StopBounds:
     duration = trajectory.duration
     if duration <= 0.0:
         return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
-    cell = max(CELL, duration / _MOST_CELLS, _least_stop(trajectory) / _CELLS_A_STOP)
-    cells = int(np.ceil(duration / cell))
+    cells = int(np.ceil(duration / _cell(trajectory)))
     falling, rising = (_table(allowed, duration) for allowed in _allowed(trajectory, cells))
     return StopBounds(duration, falling, rising)
+
+
+def stop_bounds_until(trajectory: Timed, end: float) -> StopBounds:
+    """Return the bounds of changes that begin before ``end``, and may come to their end after it.
+
+    Args:
+        trajectory: The whole of the motion.
+        end: Where another motion takes over, unless a change is under way [s], above 0.
+    """
+    first = int(np.ceil(end / _cell(trajectory)))
+    cells = int(np.ceil(trajectory.duration / (end / first)))
+    longer = _Longer(trajectory, end / first * cells)
+    tables = []
+    for allowed in _allowed(longer, cells):
+        table = _table(allowed, longer.duration)
+        reach = np.minimum(table.until, trajectory.duration)
+        tables.append(RateTable(table.slope[:first], table.bend[:first], reach[:first]))
+    return StopBounds(end, *tables)
+
+
+@dataclass(frozen=True, slots=True)
+class _Longer:
+    """A motion that rests for a moment at its end."""
+
+    motion: Timed
+    duration: float
+
+    @property
+    def machine(self) -> Machine:
+        return self.motion.machine
+
+    def at(self, t: ArrayLike) -> Moving:
+        return self.motion.at(np.minimum(t, self.motion.duration))
+
+
+def _cell(trajectory: Timed) -> float:
+    """Return how long a cell of path time lasts, at most [s]."""
+    least = _least_stop(trajectory) / _CELLS_A_STOP
+    return max(CELL, trajectory.duration / _MOST_CELLS, least)
 
 
 def _least_stop(trajectory: Timed) -> float:

@@ -25,6 +25,7 @@ _NO_CAP = 1e12  # mm/s
 _SAME = 1e-6  # mm
 _SIDES = 8  # pairs of opposite sides of the polygon that stands for a circle
 _INNER = np.cos(np.pi / (2 * _SIDES))
+_RESERVED = (1.01 ** np.arange(1.0, 4.0))[:, None]  # of velocity, acceleration and jerk
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,7 @@ class TimedCurve:
         sigma_cap: A cap on d sigma/dt, so that drives may brake by themselves.
         rate: No acceleration counts above this times the velocity limit, and no jerk above this
             times the acceleration that is left [1/s].
+        ahead: From which sigma on a share of every limit is kept in reserve [mm].
     """
 
     machine: Machine
@@ -64,6 +66,7 @@ class TimedCurve:
     tool_acceleration: float | None = None
     sigma_cap: SigmaCap | None = None
     rate: float = inf
+    ahead: float = inf
 
     @classmethod
     def of(cls, path: CarriagePath) -> TimedCurve:
@@ -97,6 +100,7 @@ class TimedCurve:
     def breaks(self) -> FloatArray:
         """Sigma where a derivative or a cap may jump [mm], ascending."""
         ends = [end for cap in self.speed_caps for end in (cap.start, cap.end)]
+        ends += [self.ahead] if self.ahead < self.curve.end else []
         breaks = self.curve.breaks
         others = np.setdiff1d(np.array(ends), breaks).clip(0.0, self.curve.end)
         after = np.searchsorted(breaks, others).clip(1, breaks.size - 1)
@@ -134,7 +138,10 @@ class TimedCurve:
         )
         if lost >= 0:
             raise UnreachableError(f"the curve is out of reach at sigma = {rows[lost, 0]:.6g} mm")
-        return result / self.limits
+        result /= self.limits
+        if self.ahead < self.curve.end:
+            result[motion[..., 0] > self.ahead] *= _RESERVED
+        return result
 
     def caps(self, motion: FloatArray, piece: Any, middle: FloatArray) -> CapUse:
         """Return what the motion asks of the caps.

@@ -13,6 +13,8 @@ from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.stopping import stop_bounds
 from duoglide.planning.timed_curve import SigmaCap, TimedCurve
+from duoglide.planning.timing_lead import Lead, lowered
+from duoglide.planning.timing_moving import time_moving
 from duoglide.planning.timing_span import Effort, Span, time_span
 
 Progress = Callable[[float], None]  # told the share that is done, 0 to 1
@@ -23,6 +25,7 @@ def time_path(
     effort: Effort | None = None,
     progress: Progress | None = None,
     sigma_cap: SigmaCap | None = None,
+    lead: Lead | None = None,
 ) -> Trajectory:
     """Find the quickest motion along a curve that keeps every limit of the carriages.
 
@@ -31,9 +34,15 @@ def time_path(
         effort: How finely to look; default: within about 1 % of the optimum.
         progress: Called with the share of the curve that is timed.
         sigma_cap: A cap on the speed along the curve.
+        lead: How the motion begins, in a program that goes on beyond it.
+
+    Raises:
+        LimitError: No motion was found that begins like ``lead``.
     """
     effort = effort or Effort()
     timed = TimedCurve.of(path)
+    if lead is not None:
+        timed = lowered(timed, lead.ahead)
     if sigma_cap is not None:
         timed = timed.capped(sigma_cap)
     rests = [0.0, *path.curve.rests, path.curve.end]
@@ -44,7 +53,10 @@ def time_path(
     clock = 0.0
     for k, rest in enumerate(rests):
         if k > 0:
-            span = time_span(timed, rests[k - 1], rest, effort)
+            if k == 1 and lead is not None and lead.way is not None:
+                span = time_moving(timed, lead, rest, effort)
+            else:
+                span = time_span(timed, rests[k - 1], rest, effort)
             passed = [entry for entry in waiting if entry[0] < rest]
             actions += [(clock + span.profile.time_at(s), action) for s, action in passed]
             waiting = waiting[len(passed) :]

@@ -73,7 +73,7 @@ class Span:
 
 def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Span:
     """Time the part of a curve between two rests, ``start`` and ``end`` [mm]."""
-    search = _Search.between(timed, start, end)
+    search = Search.between(timed, start, end)
     found = search.eased(effort).quickest(effort)
     if found is None:
         effort = effort.finer()
@@ -88,15 +88,15 @@ def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Sp
 
 def estimate(timed: TimedCurve, start: float, end: float, cells: int) -> float:
     """Return about how long the quickest motion takes [s], infinity where that was not found."""
-    search = _Search.between(timed, start, end).eased(Effort(cells=cells))
+    search = Search.between(timed, start, end).eased(Effort(cells=cells))
     problem = search.problem(search.grid(search.own_clock, cells, 4))
     found = problem.improved(problem.uniform(), 3, 3e-3)
     return float(found.durations(problem.delta).sum()) if found.converged else inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Search:
-    """Search for the quickest motion between two rests.
+class Search:
+    """Search for the quickest retiming of a simple motion.
 
     Attributes:
         timed: The curve.
@@ -111,14 +111,16 @@ class _Search:
     sigma: FloatArray
 
     @classmethod
-    def between(cls, timed: TimedCurve, start: float, end: float) -> _Search:
-        breaks = timed.breaks
-        sliver = min(_SLIVER, 1e-3 * (end - start))
-        inner = breaks[(breaks > start + sliver) & (breaks < end - sliver)]
-        inner = inner[np.diff(inner, prepend=start) > sliver]
-        base = _first_motion(timed, start, end, inner)
-        fixed = np.array([0.0, *(base.time_at(b) for b in inner), base.duration])
-        return cls(timed, base, fixed, np.array([start, *inner, end]))
+    def between(cls, timed: TimedCurve, start: float, end: float) -> Search:
+        """Return a search between two rests."""
+        sigma = marks(timed, start, end)
+        return cls.along(timed, seven_phases(start, end, fitting_bounds(timed, sigma)), sigma)
+
+    @classmethod
+    def along(cls, timed: TimedCurve, base: Profile, sigma: FloatArray) -> Search:
+        """Return a search that retimes ``base``; ``sigma`` are its ``marks``."""
+        fixed = np.array([0.0, *(base.time_at(b) for b in sigma[1:-1]), base.duration])
+        return cls(timed, base, fixed, sigma)
 
     @property
     def own_clock(self) -> tuple[FloatArray, FloatArray]:
@@ -134,7 +136,7 @@ class _Search:
         """State the problem on a grid."""
         return RetimingProblem.on(self.timed, on_grid(self.base, times, self.sigma))
 
-    def eased(self, effort: Effort) -> _Search:
+    def eased(self, effort: Effort) -> Search:
         """Return this search with limits of acceleration and jerk that it can make use of.
 
         A limit that could be reached in a small share of a cell is lowered: at any higher one the
@@ -142,7 +144,7 @@ class _Search:
         """
         cells = max(effort.cells, effort.per_piece * (self.fixed.size - 1))
         timed = self.timed.eased(_RAMP * cells / self.base.duration)
-        return _Search.between(timed, self.sigma[0], self.sigma[-1])
+        return Search.between(timed, self.sigma[0], self.sigma[-1])
 
     def simple(self) -> Profile:
         """Return the base itself, slowed until it keeps every limit."""
@@ -170,8 +172,8 @@ class _Search:
         if not found.converged:
             return None
         for _ in range(effort.refine):
-            parts = _parts(timed, problem.profile(found))
-            times = _divided(times, parts)
+            parts = parts_of(timed, problem.profile(found))
+            times = divided(times, parts)
             finer = search.problem(times)
             again = finer.improved(found.split(problem.delta, parts), 1, effort.tolerance)
             if not again.converged:
@@ -181,16 +183,25 @@ class _Search:
         return _polished(timed, problem, found, effort)
 
 
-def _first_motion(timed: TimedCurve, start: float, end: float, inner: FloatArray) -> Profile:
-    """Return a motion with constant bounds that about fit the first derivatives everywhere."""
-    sigma = np.unique(np.concatenate([np.linspace(start, end, 65), inner]))
+def marks(timed: TimedCurve, start: float, end: float) -> FloatArray:
+    """Return sigma of both ends, and of every break between them that needs a knot [mm]."""
+    breaks = timed.breaks
+    sliver = min(_SLIVER, 1e-3 * (end - start))
+    inner = breaks[(breaks > start + sliver) & (breaks < end - sliver)]
+    inner = inner[np.diff(inner, prepend=start) > sliver]
+    return np.array([start, *inner, end])
+
+
+def fitting_bounds(timed: TimedCurve, marked: FloatArray) -> tuple[float, float, float]:
+    """Return bounds of the derivatives of sigma that about fit the limits everywhere."""
+    sigma = np.unique(np.concatenate([np.linspace(marked[0], marked[-1], 65), marked]))
     unit = np.zeros((sigma.size, 4))
     unit[:, 0], unit[:, 1] = sigma, 1.0
     use = np.abs(timed.motion(unit, timed.pieces_of(sigma))[:, 0])  # of velocity, at 1 mm/s
     slopes = use * timed.limits[0]
     largest = np.maximum(slopes, 1e-12 * slopes.max()).max(axis=0)
-    bounds = (timed.limits / largest).min(axis=1)
-    return seven_phases(start, end, (bounds[0], bounds[1], bounds[2]))
+    speed, acceleration, jerk = (timed.limits / largest).min(axis=1).tolist()
+    return speed, acceleration, jerk
 
 
 def _certified(timed: TimedCurve, profile: Profile) -> Profile:
@@ -198,7 +209,7 @@ def _certified(timed: TimedCurve, profile: Profile) -> Profile:
     return profile.stretched(stretch(largest_use(timed, profile)) * (1.0 + _ROUNDING))
 
 
-def _parts(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
+def parts_of(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
     """Return into how many parts each cell is to be divided.
 
     A limit is exceeded between points, or none is used all along, as one is at the optimum.
@@ -209,7 +220,7 @@ def _parts(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
     return np.where(slack, 2, np.clip(np.ceil(over), 1, 4)).astype(np.intp)
 
 
-def _divided(times: FloatArray, parts: NDArray[np.intp]) -> FloatArray:
+def divided(times: FloatArray, parts: NDArray[np.intp]) -> FloatArray:
     """Divide each cell of a grid into even parts."""
     cell = np.repeat(np.arange(parts.size), parts)
     share = (np.arange(cell.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[cell]

@@ -1,0 +1,119 @@
+"""The quickest motion from a state in motion to the first rest of a curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import LimitError
+from duoglide.motion.profile import SIGMA, TIME, Profile
+from duoglide.planning.retiming import Retiming, RetimingProblem
+from duoglide.planning.timed_curve import TimedCurve
+from duoglide.planning.timing_grid import grid
+from duoglide.planning.timing_lead import ALLOWED, Lead, along, thinned
+from duoglide.planning.timing_span import (
+    Effort,
+    Search,
+    Span,
+    divided,
+    fitting_bounds,
+    marks,
+    parts_of,
+)
+from duoglide.planning.timing_use import largest_use, stretch
+
+
+def time_moving(timed: TimedCurve, lead: Lead, end: float, effort: Effort) -> Span:
+    """Time the part of a curve from its start, in motion, to its first rest.
+
+    Args:
+        timed: The curve, with its limits ``lowered``.
+        lead: How it begins.
+        end: Where it comes to rest [mm].
+        effort: How finely to look.
+
+    Raises:
+        LimitError: None was found that begins like this.
+    """
+    sigma = marks(timed, 0.0, end)
+    base = lead.first_motion(0.0, end, _bounds(timed, sigma))
+    search = _Moving(Search.along(timed, base, sigma), lead)
+    found = search.quickest(effort) or search.quickest(effort.finer())
+    if found is None:
+        raise LimitError(f"no timing was found that begins at {lead.speed:g} mm/s")
+    return Span(found)
+
+
+def _bounds(timed: TimedCurve, sigma: FloatArray) -> tuple[float, float, float]:
+    """Return what fits limits and caps: a base far too fast has no room in its first cells."""
+    speed, acceleration, jerk = fitting_bounds(timed, sigma)
+    if timed.has_caps:
+        unit = np.zeros((sigma.size, 1, 4))
+        unit[:, 0, 0], unit[:, 0, 1] = sigma, 1.0
+        caps = timed.caps(unit, timed.pieces_of(sigma)[:, None], sigma)
+        speed = min(speed, float((1.0 / caps.speed).max()))
+    return speed, acceleration, jerk
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moving:
+    """Search for the quickest motion that begins with a lead.
+
+    Attributes:
+        search: For the quickest retiming of a base that begins like that.
+        lead: How it begins.
+    """
+
+    search: Search
+    lead: Lead
+
+    def problem(self, times: FloatArray) -> RetimingProblem:
+        """State the problem on a grid."""
+        return self.lead.granted(self.search.problem(times))
+
+    def quickest(self, effort: Effort) -> Profile | None:
+        """Return the near-optimal motion, or None where none keeps the limits."""
+        times, start = self.begin(effort)
+        problem = self.problem(times)
+        found = problem.settled(start, effort.rounds - 1, effort.tolerance)
+        if not found.converged:
+            return None
+        for _ in range(effort.refine):
+            parts = parts_of(self.search.timed, problem.profile(found))
+            times = divided(times, parts)
+            finer = self.problem(times)
+            again = finer.improved(found.split(problem.delta, parts), 1, effort.tolerance)
+            if not again.converged:
+                break
+            problem, found = finer, again
+        return self.polished(problem, found, effort)
+
+    def polished(self, problem: RetimingProblem, found: Retiming, effort: Effort) -> Profile | None:
+        """Lower the limits where the motion exceeds them between knots, until it does not."""
+        limits = replace(self.search.timed, sigma_cap=None)  # the brakes themselves judge that cap
+        for _ in range(effort.polish + 1):
+            profile = problem.profile(found)
+            use = largest_use(limits, profile)
+            if stretch(use) < 1.0 + ALLOWED:
+                return profile
+            problem = problem.tightened(use)
+            found = problem.improved(found, 1, effort.tolerance)
+            if not found.converged:
+                break
+        return None
+
+    def begin(self, effort: Effort) -> tuple[FloatArray, Retiming]:
+        """Return a grid with the knots of the known way to rest, and that way itself."""
+        search = self.search
+        rough = self.problem(search.grid(search.own_clock, effort.coarse, 2))
+        known = self.lead.known(rough)
+        clock = rough.base.knots[:, TIME], rough.profile(along(known, rough)).knots[:, TIME]
+        knots = thinned(known, search.sigma, effort.cells)[:, SIGMA]
+        there = [search.base.time_at(sigma) for sigma in knots.tolist()]
+        beyond = search.fixed[search.fixed > there[-1]]
+        parts = np.linspace(beyond[:-1], beyond[1:], effort.per_piece + 1)[1:-1]
+        fixed = np.union1d(search.fixed, [*there, *parts.ravel()])
+        times = grid(fixed, search.base.knots[1:-1, TIME], clock, effort.cells, 1)
+        return times, along(known, self.problem(times))
