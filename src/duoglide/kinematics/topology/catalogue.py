@@ -1,6 +1,10 @@
 """Mechanisms as data: this robot, and others that the paper compares it with.
 
-The Tri-pyramid family is left out: what joints its limbs have is not in the paper.
+What is taken from [Shen2021]_: the joints of this robot, its POC, xi, DOF, constraint degrees and
+coupling degree; that the others are translational with three DOF; and Delta's 21 joints and 17
+links. The joints of the others are what their names say, with axes as their builders place them.
+Their xi, constraint and coupling degrees are computed, and held against no publication. The
+Tri-pyramid family is left out: what joints its limbs have is not in the paper.
 """
 
 from __future__ import annotations
