@@ -144,6 +144,13 @@ def test_going_through_is_quicker_than_resting_and_about_as_quick_as_one_plan(
     assert total < 0.9 * sum(t.duration for t in dg.plan_program(machine, paths))
 
 
+def test_the_lower_bound_of_a_part_counts_its_speed_at_both_ends(
+    moving: list[dg.Trajectory],
+) -> None:
+    part = moving[1]
+    assert 0.6 * part.duration < part.lower_bound() <= part.duration
+
+
 def test_a_part_survives_its_file_with_its_way_to_rest(
     moving: list[dg.Trajectory], tmp_path: Path
 ) -> None:

@@ -38,9 +38,12 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
 
     Raises:
         ConfigError: The machine's carriages would be elsewhere: another geometry.
-        PathError: It leaves reach, travel, clearance or free space; says where.
+        PathError: It leaves reach, travel, clearance or free space; says where. Or it begins or
+            ends in motion, as the parts of a program do.
         LimitError: It asks for more than a limit of this machine.
     """
+    if trajectory.report.method is not TimingMethod.RECORDED:
+        _require_rests(trajectory)
     times = _times(trajectory)
     state, positions = trajectory.at(times), trajectory.position_at(times)
     _require_geometry(machine, positions, state.carriages)
@@ -48,6 +51,26 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
     if trajectory.report.method is TimingMethod.RECORDED:
         return _require_stop_limits(machine, trajectory)
     return _require_limits(machine, state, times)
+
+
+def _require_rests(trajectory: Trajectory) -> None:
+    """Refuse a part of a program: the machine stands before a run, and after it."""
+    if trajectory.whole is not None:
+        speed = np.abs(trajectory.at(trajectory.duration).velocity).max()
+        raise PathError(
+            f"the trajectory ends in motion, at {speed:.4g} mm/s of a carriage, where another one"
+            " takes over: run its whole, which goes on to rest",
+            quantity="rest",
+            amount=float(speed),
+        )
+    if not trajectory.starts_at_rest:
+        speed = np.abs(trajectory.at(0.0).velocity).max()
+        raise PathError(
+            f"the trajectory begins in motion, at {speed:.4g} mm/s of a carriage: it goes on from"
+            " another one, and cannot be run by itself",
+            quantity="rest",
+            amount=float(speed),
+        )
 
 
 def limit_use(trajectory: Trajectory, machine: Machine) -> LimitUse:

@@ -10,7 +10,7 @@ its own, and with limits far from usual ones returns a duration that is no bound
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -28,28 +28,38 @@ _OFF = 1.5  # times the difference of both grids, to come below the limit
 def lower_bound(trajectory: Trajectory) -> float:
     """Return the least duration under velocity and acceleration limits alone: see ``Trajectory``.
 
-    Dwells count in full.
+    Dwells count in full. Ends in motion, as in a program, are passed at the trajectory's speed.
     """
     knots = trajectory.profile.knots
     still = np.diff(knots[:, 1]) == 0.0
     dwells = float(np.diff(knots[:, 0])[still].sum())
     path = trajectory.path
     rests = path.curve.rests if isinstance(path, CarriagePath) else ()
-    ends = pairwise((0.0, *rests, float(knots[-1, 1])))
-    return dwells + sum(_span(trajectory, start, end) for start, end in ends)
+    last = _End(float(knots[-1, 1]), float(knots[-1, 2]))
+    inner = [_End(rest, 0.0) for rest in rests if rest < last.sigma]
+    spans = pairwise((_End(0.0, float(knots[0, 2])), *inner, last))
+    return dwells + sum(_span(trajectory, start, end) for start, end in spans)
 
 
-def _span(trajectory: Trajectory, start: float, end: float) -> float:
-    """Return a bound on the duration between two rests."""
+class _End(NamedTuple):
+    """An end of a span: sigma [mm], and d sigma/dt there [mm/s]."""
+
+    sigma: float
+    speed: float
+
+
+def _span(trajectory: Trajectory, start: _End, end: _End) -> float:
+    """Return a bound on the duration between two ends."""
     coarse, fine = (_on_grid(trajectory, start, end, cells) for cells in GRIDS)
     return fine - _OFF * max(0.0, coarse - fine)
 
 
-def _on_grid(trajectory: Trajectory, start: float, end: float, cells: int) -> float:
-    """Return toppra's duration between two rests on a grid."""
+def _on_grid(trajectory: Trajectory, first: _End, last: _End, cells: int) -> float:
+    """Return toppra's duration between two ends on a grid."""
     import toppra
     from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
 
+    start, end = first.sigma, last.sigma
     limits, length = trajectory.machine.limits, end - start
     second = float(
         np.maximum(length / limits.velocity, (length / limits.acceleration) ** 0.5).max()
@@ -69,7 +79,8 @@ def _on_grid(trajectory: Trajectory, start: float, end: float, cells: int) -> fl
         _Geometric(trajectory, start, length),
         gridpoints=points,
     )
-    solver.compute_parameterization(0.0, 0.0)
+    unit = second / length
+    solver.compute_parameterization(first.speed * unit, last.speed * unit)
     data = solver.problem_data
     if data.return_code != toppra.algorithm.ParameterizationReturnCode.Ok or data.sd_vec is None:
         raise LimitError(f"toppra finds no bound: {data.return_code}")
