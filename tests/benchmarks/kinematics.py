@@ -126,14 +126,15 @@ def single_poses(geometry: dg.Geometry, position: np.ndarray) -> None:
         ("inverse", dg.inverse, some),
         ("forward", dg.forward, carriages),
         ("margins", dg.margins, some),
+        ("reachable", dg.reachable, some),
+        ("jacobian", dg.jacobian, some),
+        ("clearance", dg.clearance, some),
     )
     print(f"\none pose [us]{'':<31}      best    median     worst")
     for name, function, poses in functions:
         times = seconds(lambda f=function, p=poses: [f(geometry, one) for one in p], 40)
         show(name, times / len(poses), 1e-6)
     few = some[:50]
-    slow = seconds(lambda: [dg.clearance(geometry, one) for one in few], 10)
-    show("clearance", slow / len(few), 1e-6)
     numerical = seconds(lambda: [newton(geometry, np.array(one)) for one in few], 5)
     show("inverse by scipy.optimize.root", numerical / len(few), 1e-6)
     off = max(

@@ -187,6 +187,21 @@ def worst_residual(geometry: dg.Geometry, position: np.ndarray, carriages: np.nd
     return float(max(loops.max(), np.abs(strut - g.strut_length).max()))
 
 
+def test_jacobian_and_reach_of_one_pose_are_those_of_many(
+    geometries: list[dg.Geometry], poses: Any
+) -> None:
+    for geometry, mode in product(geometries[:4], DEFINITE_MODES):
+        position = poses(geometry, mode, 20)
+        position = position[dg.clearance(geometry, position, mode) > 1e-3]
+        alone = [dg.jacobian(geometry, tuple(pose), mode) for pose in position.tolist()]
+        np.testing.assert_array_equal(
+            np.reshape(alone, (-1, 3, 3)), dg.jacobian(geometry, position, mode)
+        )
+        around = position + np.array([0.0, 0.0, 150.0])
+        reached = [dg.reachable(geometry, tuple(pose), mode) for pose in around.tolist()]
+        np.testing.assert_array_equal(reached, dg.reachable(geometry, around, mode))
+
+
 def test_y_depends_on_carriages_1_and_2_alone(geometry: dg.Geometry) -> None:
     carriages = np.tile(dg.inverse(geometry, (-41.0, 12.0, 302.0)), (50, 1))
     carriages[:, 2] += np.linspace(-20.0, 20.0, 50)

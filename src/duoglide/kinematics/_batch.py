@@ -105,6 +105,18 @@ def as_pose(value: Any) -> Sequence[float]:
     return ()
 
 
+def margins_one(pose: Sequence[float], k: Constants) -> tuple[float, ...]:
+    """Return what ``margins_pose`` does if the pose is plainly within reach, else nothing."""
+    x, y, z = pose
+    try:
+        measured = kernels.margins_pose(x, z, k)
+    except ValueError:  # a square root has failed
+        return ()
+    if measured[0] >= 0.0 and -k[3] <= measured[1] <= k[3] and y - y == 0.0:
+        return measured
+    return ()
+
+
 def triple(first: float, second: float, third: float) -> FloatArray:
     """Return an array of three numbers, in less time than from a tuple."""
     array = EMPTY(3)

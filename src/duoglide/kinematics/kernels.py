@@ -36,6 +36,19 @@ def inverse_pose(x: float, y: float, z: float, k: Constants) -> tuple[float, flo
     return y - half + w1 * p, y + half + w2 * p, y + w3 * q
 
 
+def jacobian_pose(x: float, z: float, k: Constants) -> tuple[float, float, float, float]:
+    """Slopes of one pose: of p by x and by z, and of q by x and by z."""
+    cx, base, l6, l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k
+    u = x - cx
+    X = x - xb
+    Z = z - zb
+    A = v * sqrt((l6 - u) * (l6 + u))
+    h = z - base - A
+    slope = -h / sqrt((l2 - h) * (l2 + h))
+    q = sqrt(l9 * l9 - (X * X + Z * Z))
+    return slope * (u / A), slope, -X / q, -Z / q
+
+
 def margins_pose(x: float, z: float, k: Constants) -> tuple[float, float, float, float]:
     """Margins of one pose: strut, legs flat (h), arm in line with strut, arm flat."""
     cx, base, l6, _l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k

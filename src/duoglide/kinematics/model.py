@@ -7,14 +7,24 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray, as_triples
 from duoglide.errors import InputError
-from duoglide.kinematics._batch import as_batch, as_pose, forward_many, inverse_many, triple
+from duoglide.kinematics._batch import (
+    as_batch,
+    as_pose,
+    forward_many,
+    inverse_many,
+    margins_one,
+    triple,
+)
 from duoglide.kinematics._forward import require_forward
 from duoglide.kinematics._jets import height, shifted
 from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
-from duoglide.kinematics.kernels import forward_pose, inverse_pose
+from duoglide.kinematics.kernels import forward_pose, in_numpy, inverse_pose, jacobian_pose
 from duoglide.kinematics.modes import ASSEMBLY, WORKING, AssemblyMode, WorkingMode
 from duoglide.kinematics.reach import reach_of, require_inside, require_reach
 from duoglide.machine import Geometry
+
+CLEARLY_INSIDE = 1e-6  # [mm], of every edge of reach: no need to look closer
+_jacobian_columns = in_numpy(jacobian_pose)
 
 LAST_AXIS = "(carriage 1, 2, 3)"
 
@@ -112,6 +122,8 @@ def reachable(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKI
         InputError: Not finite numbers of shape (..., 3).
     """
     k = pose_constants(geometry, mode)
+    if (pose := as_pose(position)) and margins_one(pose, k):
+        return np.True_  # type: ignore[return-value]  # numpy's scalars pass for arrays
     within: BoolArray = reach_of(as_triples(position, "position"), k).within[()]
     return within
 
@@ -132,21 +144,23 @@ def jacobian(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKIN
         UnreachableError: A link is too short.
         SingularityError: On the edge of reach, where a derivative is infinite.
     """
-    array = as_triples(position, "position")
     k = pose_constants(geometry, mode)
-    reach = require_reach(array, k)
-    require_inside(array, reach)
-    w1, w2, w3 = k[9:]
-    u, X, Z = array[..., 0] - k[0], array[..., 0] - k[5], array[..., 2] - k[6]
-    slope = -reach.h / reach.p
-    tilt = u / reach.A
-    result = np.zeros((*array.shape, 3))
+    _, _, w3 = signs = k[9:]
+    if (pose := as_pose(position)) and (measured := margins_one(pose, k)):
+        strut, h, _, arm = measured
+        if min(strut, k[3] - abs(h), arm) > CLEARLY_INSIDE:
+            px, pz, qx, qz = jacobian_pose(pose[0], pose[2], k)
+            rows = [(w * px, 1.0, w * pz) for w in signs[:2]]
+            return np.array([*rows, (w3 * qx, 1.0, w3 * qz)])
+    array = as_triples(position, "position")
+    require_inside(array, require_reach(array, k))
+    slopes = _jacobian_columns(array[..., 0], array[..., 2], k)
+    result = np.empty((*array.shape, 3))
     result[..., :, 1] = 1.0
-    for row, w in ((0, w1), (1, w2)):
-        result[..., row, 0] = w * slope * tilt
-        result[..., row, 2] = w * slope
-    result[..., 2, 0] = -w3 * X / reach.q
-    result[..., 2, 2] = -w3 * Z / reach.q
+    for column, p, q in ((0, slopes[0], slopes[2]), (2, slopes[1], slopes[3])):
+        for row, w in enumerate(signs[:2]):
+            result[..., row, column] = w * p
+        result[..., 2, column] = w3 * q
     return result
 
 

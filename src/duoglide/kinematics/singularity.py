@@ -10,11 +10,17 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.errors import SingularityError
-from duoglide.kinematics._batch import as_batch, as_pose, legs_many, margins_many, triple
+from duoglide.kinematics._batch import (
+    as_batch,
+    as_pose,
+    legs_many,
+    margins_many,
+    margins_one,
+    triple,
+)
 from duoglide.kinematics._case2 import curve_of
 from duoglide.kinematics._nearest_pose import nearest_of_pose
 from duoglide.kinematics.constants import Constants, pose_constants
-from duoglide.kinematics.kernels import margins_pose
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import require_reach
@@ -122,25 +128,13 @@ def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
         UnreachableError: A link is too short.
     """
     k = pose_constants(geometry, mode)
-    if (pose := as_pose(position)) and (measured := _measured(pose, k)):
+    if (pose := as_pose(position)) and (measured := margins_one(pose, k)):
         return Margins(measured, k)
     array = as_batch(position, "position")
     many, within = margins_many(array, k)
     if not within:
         many = _margins_at_edge(as_triples(array, "position"), k)
     return Margins(many, k)
-
-
-def _measured(pose: Sequence[float], k: Constants) -> tuple[float, ...]:
-    """Return what ``margins_pose`` does if the pose is plainly within reach, else nothing."""
-    x, y, z = pose
-    try:
-        measured = margins_pose(x, z, k)
-    except ValueError:  # a square root has failed
-        return ()
-    if measured[0] >= 0.0 and -k[3] <= measured[1] <= k[3] and y - y == 0.0:
-        return measured
-    return ()
 
 
 def _margins_at_edge(position: FloatArray, k: Constants) -> FloatArray:
@@ -173,7 +167,7 @@ def clearance(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKI
         UnreachableError: A link is too short.
     """
     k = pose_constants(geometry, mode)
-    if (pose := as_pose(position)) and _measured(pose, k) and mode.w1 != mode.w2:
+    if (pose := as_pose(position)) and margins_one(pose, k) and mode.w1 != mode.w2:
         distance, *_ = nearest_of_pose(pose[0], pose[2], k, curve_of(geometry, mode.v))
         return _as_numpy(distance)
     array = as_triples(position, "position")
@@ -204,7 +198,7 @@ def clearance_gradient(
         SingularityError: In the modes w1 = w2 there is no way out.
     """
     k = pose_constants(geometry, mode)
-    if (pose := as_pose(position)) and _measured(pose, k) and mode.w1 != mode.w2:
+    if (pose := as_pose(position)) and margins_one(pose, k) and mode.w1 != mode.w2:
         _, away_x, away_z, _ = nearest_of_pose(pose[0], pose[2], k, curve_of(geometry, mode.v))
         return triple(away_x, 0.0, away_z)
     array = as_triples(position, "position")
