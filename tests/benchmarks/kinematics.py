@@ -119,9 +119,12 @@ def newton(geometry: dg.Geometry, position: np.ndarray) -> np.ndarray:
 
 
 def single_poses(geometry: dg.Geometry, position: np.ndarray) -> None:
-    """Time one pose at a time, through the public functions."""
-    some = [tuple(row) for row in position[:2000].tolist()]
-    carriages = [tuple(row) for row in dg.inverse(geometry, position[:2000]).tolist()]
+    """Time one pose at a time, through the public functions, a few hundred microseconds at once.
+
+    Longer stretches would measure who else uses the processor.
+    """
+    some = [tuple(row) for row in position[:100].tolist()]
+    carriages = [tuple(row) for row in dg.inverse(geometry, position[:100]).tolist()]
     functions = (
         ("inverse", dg.inverse, some),
         ("forward", dg.forward, carriages),
@@ -132,7 +135,7 @@ def single_poses(geometry: dg.Geometry, position: np.ndarray) -> None:
     )
     print(f"\none pose [us]{'':<31}      best    median     worst")
     for name, function, poses in functions:
-        times = seconds(lambda f=function, p=poses: [f(geometry, one) for one in p], 40)
+        times = seconds(lambda f=function, p=poses: [f(geometry, one) for one in p], 800)
         show(name, times / len(poses), 1e-6)
     few = some[:50]
     numerical = seconds(lambda: [newton(geometry, np.array(one)) for one in few], 5)
