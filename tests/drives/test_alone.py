@@ -15,21 +15,23 @@ from duoglide.drives.simulated import SimulatedDrives
 from duoglide.errors import BusError
 from duoglide.machine import DriveSettings
 
-SETTINGS = DriveSettings()
+SETTINGS = DriveSettings(heartbeat_period=0.15, heartbeat_timeout=0.5)  # 0.3 s without a sign
 
 
 @contextmanager
 def talking(address: str, can_id: int, extended: bool = False) -> Iterator[threading.Event]:
     """Somebody who sends a frame every 10 ms, until told to be silent."""
-    silent = threading.Event()
+    silent, begun = threading.Event(), threading.Event()
 
     def talk() -> None:
         with open_bus(address) as bus:
             while not silent.wait(0.01):
                 bus.send(can.Message(arbitration_id=can_id, is_extended_id=extended))
+                begun.set()
 
     thread = threading.Thread(target=talk)
     thread.start()
+    begun.wait(5.0)
     try:
         yield silent
     finally:

@@ -16,7 +16,7 @@ from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import ConfigError, DriveTimeout
 
 _PROFILE = 402
-_SCAN_PATIENCE = 0.3  # [s]
+_SCAN_PATIENCE = 0.5  # [s]
 _INVALID = 1 << 31  # of a PDO's COB-ID
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
