@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 import duoglide as dg
+from duoglide.viewer.join import JoinedRobot
 from duoglide.viewer.page import Page
+from duoglide.viewer.share import share
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -130,7 +132,7 @@ def test_a_run_that_somebody_else_started_is_stopped_from_the_page() -> None:
     with dg.Robot.connect(PATIENT) as robot:
         robot.enable()
         robot.home()
-        with Page(PATIENT, drives=robot, port=0) as page:
+        with share(robot) as path, Page(PATIENT, drives=JoinedRobot(path), port=0) as page:
             run = robot.start(trajectory, override=0.01)
             page.stop()
             report = run.wait(60.0)

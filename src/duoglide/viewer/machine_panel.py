@@ -12,6 +12,7 @@ import numpy as np
 from duoglide.control.handle import RunHandle
 from duoglide.control.robot import Robot
 from duoglide.errors import DuoglideError
+from duoglide.viewer.join import JoinedRobot, JoinedRun
 from duoglide.viewer.motion_panel import MotionPanel
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ class MachinePanel:
     Args:
         server: The viser server.
         machine: The machine.
-        drives: Name of the bus to offer; or a robot that somebody else has connected and runs.
+        drives: Name of the bus to offer; or a robot that somebody else has connected and runs, in
+            this program or in another.
         motion: Where the trajectory to run comes from, and what shows where the machine is.
     """
 
@@ -39,13 +41,13 @@ class MachinePanel:
         self,
         server: Any,
         machine: Machine,
-        drives: str | Robot,
+        drives: str | Robot | JoinedRobot,
         motion: MotionPanel,
     ) -> None:
         self._gui = server.gui
         self._machine, self._motion, self._pose = machine, motion, motion.pose
         self._own = isinstance(drives, str)
-        self._robot = None if isinstance(drives, str) else drives
+        self._robot: Robot | JoinedRobot | None = None if isinstance(drives, str) else drives
         bus = drives if isinstance(drives, str) else drives.bus
         self._one_command = threading.Lock()
         self._closed = threading.Event()
@@ -63,7 +65,8 @@ class MachinePanel:
             jog = self._gui.add_button_group("Direction", tuple(_JOGS))
             jog.on_click(lambda _: self._command(lambda robot: self._jog(robot, jog.value)))
             self._button("Park", lambda robot: robot.park())
-        threading.Thread(target=self._watch, name="page-watch", daemon=True).start()
+        self._watching = threading.Thread(target=self._watch, name="page-watch", daemon=True)
+        self._watching.start()
 
     def _add_operator(self) -> None:
         """Put what an operator must find at once into a window that does not scroll."""
@@ -72,8 +75,10 @@ class MachinePanel:
             self._gui.add_button("Stop", color="red", hint="Space bar").on_click(
                 lambda _: self.stop()
             )
-            self._gui.add_button("Hold").on_click(lambda _: self._to_run(RunHandle.hold))
-            self._gui.add_button("Resume").on_click(lambda _: self._to_run(RunHandle.resume))
+            self._gui.add_button("Hold").on_click(lambda _: self._to_run(lambda run: run.hold()))
+            self._gui.add_button("Resume").on_click(
+                lambda _: self._to_run(lambda run: run.resume())
+            )
             self._override = self._gui.add_slider("Override [%]", 0, 100, 1, 100)
             self._words = self._gui.add_markdown("Not connected." if self._own else "Live.")
             self._state = self._gui.add_markdown("")
@@ -85,15 +90,21 @@ class MachinePanel:
     def stop(self) -> None:
         """Stop whatever moves, along its path. Waits for nothing and needs nothing."""
         robot = self._robot
-        if robot is not None:
+        if robot is None:
+            return
+        try:
             robot.stop()
+        except DuoglideError as error:
+            self._say_error(error)
+        else:
             self._words.content = "**Stopped by the operator.** Run again to go on."
 
     def close(self) -> None:
         """Stop and let go of the machine."""
         self._closed.set()
+        self._watching.join()  # it must not write to a page that is served no more
         robot, self._robot = self._robot, None
-        if robot is not None and self._own:
+        if self._own and isinstance(robot, Robot):
             robot.stop()
             with self._one_command:
                 robot.close()
@@ -105,6 +116,9 @@ class MachinePanel:
 
     def _command(self, work: Callable[[Any], object]) -> None:
         """Do one thing with the machine, and say how it went."""
+        if isinstance(self._robot, JoinedRobot):
+            self._words.content = "**Another program owns the machine.** Stop works all the same."
+            return
         if not self._one_command.acquire(blocking=False):
             self._words.content = "The machine is busy; Stop works all the same."
             return
@@ -115,7 +129,7 @@ class MachinePanel:
             answer = work(self._robot)
             self._words.content = str(answer) if answer is not None else "Done."
         except DuoglideError as error:
-            self._words.content = f"**{type(error).__name__}.** {error}"
+            self._say_error(error)
         finally:
             self._one_command.release()
 
@@ -153,10 +167,16 @@ class MachinePanel:
         x, y, z = robot.position
         return f"At ({x:.2f}, {y:.2f}, {z:.2f}) mm."
 
-    def _to_run(self, order: Callable[[RunHandle], None]) -> None:
-        run = self._robot.current_run if self._robot is not None else None
-        if run is not None:
-            order(run)
+    def _to_run(self, order: Callable[[RunHandle | JoinedRun], None]) -> None:
+        try:
+            run = self._robot.current_run if self._robot is not None else None
+            if run is not None:
+                order(run)
+        except DuoglideError as error:
+            self._say_error(error)
+
+    def _say_error(self, error: DuoglideError) -> None:
+        self._words.content = f"**{type(error).__name__}.** {error}"
 
     def _overridden(self, event: Any) -> None:
         if event.client is not None:
@@ -178,7 +198,7 @@ class MachinePanel:
                 self._state.content = f"**{type(error).__name__}.** {error}"
 
 
-def _describe(robot: Robot, handle: RunHandle | None) -> str:
+def _describe(robot: Robot | JoinedRobot, handle: RunHandle | JoinedRun | None) -> str:
     """Return the machine's state in Markdown."""
     rows = [
         f"| {number} | {state.name.replace('_', ' ').lower()} | {place:.3f} |"

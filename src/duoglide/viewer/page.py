@@ -21,6 +21,7 @@ from duoglide.viewer.surfaces import Surfaces
 if TYPE_CHECKING:
     from duoglide.control.robot import Robot
     from duoglide.machine import Machine
+    from duoglide.viewer.join import JoinedRobot
 
 LOOPBACK = "127.0.0.1"
 
@@ -31,8 +32,9 @@ class Page:
     Args:
         machine: The machine to show.
         file: A plan or a run to open with.
-        drives: Name of the bus where Connect finds the drives; or a connected robot, which the
-            page then shows and can hold and stop, and which stays its owner's to close.
+        drives: Name of the bus where Connect finds the drives; or a connected robot, of this
+            program or of another one, which the page then shows and can hold and stop, and which
+            stays its owner's to close.
         host: Address to serve on; only this machine by default.
         port: TCP port; 0 takes any that is free.
 
@@ -47,7 +49,7 @@ class Page:
         machine: Machine,
         *,
         file: Path | None = None,
-        drives: str | Robot = "virtual",
+        drives: str | Robot | JoinedRobot = "virtual",
         host: str = LOOPBACK,
         port: int = 8080,
     ) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from duoglide.cli.console import working
+from duoglide.cli.console import complain, working
 from duoglide.cli.motion import finish, run_with_progress
 from duoglide.cli.options import (
     Approach,
@@ -22,7 +22,7 @@ from duoglide.cli.options import (
     override_factor,
 )
 from duoglide.cli.outputs import require_place
-from duoglide.errors import LogError
+from duoglide.errors import BusError, LogError
 
 if TYPE_CHECKING:
     from duoglide.control.robot import Robot
@@ -77,11 +77,24 @@ def stream(
         with working("homing"):
             robot.enable()
             robot.home()
-        with _page(robot, plan, view):
+        with _shared(robot), _page(robot, plan, view):
             report = run_with_progress(
                 robot, trajectory, log=log, approach=approach, override=factor
             )
     finish(report, log, as_json)
+
+
+@contextmanager
+def _shared(robot: Robot) -> Iterator[None]:
+    """Let ``duoglide view --join`` in; where that cannot be, the run goes on without."""
+    from duoglide.viewer.share import share
+
+    with ExitStack() as resources:
+        try:
+            resources.enter_context(share(robot))
+        except BusError as error:
+            complain(f"warning: {error}", 0)
+        yield
 
 
 @contextmanager

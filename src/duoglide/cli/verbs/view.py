@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from duoglide.cli.console import say
 from duoglide.cli.options import Bus, MachineFile, load_machine
+
+if TYPE_CHECKING:
+    from duoglide.viewer.join import JoinedRobot
 
 _EXAMPLE = """\
 Examples:
@@ -17,6 +20,8 @@ Examples:
 duoglide view
 
 duoglide view run.mcap --machine cell.toml --port 9000
+
+duoglide view --join
 """
 
 
@@ -35,19 +40,34 @@ def view(
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0 takes a free one.")] = (
         8080
     ),
+    join: Annotated[
+        bool,
+        typer.Option("--join", help="Watch and stop what duoglide stream moves, on this computer."),
+    ] = False,
+    pid: Annotated[
+        int | None,
+        typer.Option("--pid", metavar="NUMBER", help="Join that process, where several stream."),
+    ] = None,
     machine: MachineFile = None,
 ) -> None:
     r"""Serve the live 3D page: the mechanism, plans and logs, and the running machine.
 
     Needs the extra: pip install "duoglide\[view]". Ctrl-C ends it, and stops the machine first.
     """
-    described = load_machine(machine)
+    drives = _joined(pid) if join or pid is not None else bus
+    described = load_machine(machine) if isinstance(drives, str) else drives.machine
     from duoglide.viewer.page import Page
 
-    with Page(described, file=file, drives=bus, host=host, port=port) as page:
+    with Page(described, file=file, drives=drives, host=host, port=port) as page:
         say(f"{page.address} (Ctrl-C ends)")
         try:
             while True:
                 time.sleep(3600.0)
         except KeyboardInterrupt:
             say("ended")
+
+
+def _joined(pid: int | None) -> JoinedRobot:
+    from duoglide.viewer.join import JoinedRobot, find
+
+    return JoinedRobot(find(pid))

@@ -1,0 +1,156 @@
+"""A machine that another program on this computer moves: watched, held and stopped from here."""
+
+from __future__ import annotations
+
+import json
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from duoglide.arrays import FloatArray, read_only
+from duoglide.control.handle import RunStatus
+from duoglide.control.motion import MotionState
+from duoglide.drives.cia402 import State
+from duoglide.errors import BusError
+from duoglide.machine import Machine
+from duoglide.viewer.share import LONGEST, PATIENCE, meeting_place
+
+_PATIENCE = 5.0  # [s] with a program on a busy computer
+
+
+def find(pid: int | None = None) -> Path:
+    """Find the socket of the program that shares a machine.
+
+    Args:
+        pid: Its process number; None where only one does.
+
+    Raises:
+        BusError: There is none, or more than one.
+    """
+    found = [path for path in sorted(meeting_place().glob("*.sock")) if _listens(path)]
+    numbers = ", ".join(path.stem for path in found)
+    if pid is not None:
+        found = [path for path in found if path.stem == str(pid)]
+    if not found:
+        known = f"these do: {numbers}" if numbers else "duoglide stream does while it runs"
+        who = f"process {pid} shares none" if pid is not None else "no program shares a machine"
+        raise BusError(f"{who}; {known}")
+    if len(found) > 1:
+        raise BusError(f"several programs share a machine; say which: --pid {numbers}")
+    return found[0]
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedRun:
+    """The run of a joined machine, as ``RunHandle`` shows and takes orders for one.
+
+    Attributes:
+        status: Where it is.
+        path: The socket.
+    """
+
+    status: RunStatus
+    path: Path
+
+    def hold(self) -> None:
+        """Come to rest on the path; ``resume`` goes on."""
+        _ask(self.path, {"do": "hold"})
+
+    def resume(self) -> None:
+        """Go on after a hold."""
+        _ask(self.path, {"do": "resume"})
+
+    def set_override(self, override: float) -> None:
+        """Run at this rate, 0 to 1."""
+        _ask(self.path, {"do": "override", "value": override})
+
+
+class JoinedRobot:
+    """A machine that another program moves; as much of a ``Robot`` as others may touch.
+
+    Args:
+        path: The socket, from ``find``.
+
+    Raises:
+        BusError: Nobody answers there.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        met = _ask(path, {"do": "meet"})
+        self.machine = Machine.from_dict(met["machine"])
+        self.bus = str(met["bus"])
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """States of the three drives."""
+        return tuple(State[name] for name in self._look()["states"])
+
+    @property
+    def carriages(self) -> FloatArray:
+        """Where the carriages are [mm], shape (3,)."""
+        return read_only(np.array(self._look()["carriages"]))
+
+    @property
+    def homed(self) -> bool:
+        """Whether the drives know where they are."""
+        return bool(self._look()["homed"])
+
+    @property
+    def position(self) -> FloatArray:
+        """Platform centre O' in the base frame [mm], shape (3,)."""
+        return read_only(np.array(self._look()["position"]))
+
+    @property
+    def current_run(self) -> JoinedRun | None:
+        """The run in progress."""
+        run = self._look()["run"]
+        if run is None:
+            return None
+        return JoinedRun(RunStatus(**{**run, "state": MotionState[run["state"]]}), self._path)
+
+    def stop(self) -> None:
+        """Come to rest on the path and end the run."""
+        _ask(self._path, {"do": "stop"})
+
+    def _look(self) -> dict[str, Any]:
+        return _ask(self._path, {"do": "look"})
+
+
+def _ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
+    """Send one request and return its answer.
+
+    Raises:
+        BusError: The program has ended, or says what is wrong.
+    """
+    try:
+        with socket.socket(socket.AF_UNIX) as end:
+            end.settimeout(_PATIENCE)
+            end.connect(str(path))
+            with end.makefile("rwb") as stream:
+                stream.write(json.dumps(request).encode() + b"\n")
+                stream.flush()
+                answer = json.loads(stream.readline(LONGEST))
+    except (OSError, ValueError) as error:
+        raise BusError("the program that moves the machine has ended, or is stuck") from error
+    if "error" in answer:
+        raise BusError(str(answer["error"]))
+    found: dict[str, Any] = answer
+    return found
+
+
+def _listens(path: Path) -> bool:
+    """Whether somebody answers; what a killed program has left behind is taken away."""
+    with socket.socket(socket.AF_UNIX) as end:
+        end.settimeout(PATIENCE)
+        try:
+            end.connect(str(path))
+        except ConnectionRefusedError:
+            path.unlink(missing_ok=True)
+            return False
+        except OSError:
+            return False
+    return True

@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import duoglide as dg
+from duoglide.control.handle import RunStatus
+from duoglide.control.motion import MotionState
+from duoglide.drives.cia402 import State
+from duoglide.viewer.join import JoinedRobot, find
+from duoglide.viewer.share import meeting_place, share
+
+STATUS = RunStatus(MotionState.HELD, 0.25, 0.5, (1.0, 2.0, 3.0), (0.1, -0.2, 0.3), 45.0)
+
+
+class Run:
+    """A run that remembers its orders."""
+
+    status = STATUS
+
+    def __init__(self) -> None:
+        self.orders: list[Any] = []
+
+    def hold(self) -> None:
+        self.orders.append("hold")
+
+    def resume(self) -> None:
+        self.orders.append("resume")
+
+    def set_override(self, override: float) -> None:
+        if not 0.0 <= override <= 1.0:
+            raise dg.InputError(f"override = {override}")
+        self.orders.append(override)
+
+
+@pytest.fixture(autouse=True)
+def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A place for sockets of our own; their names must be short."""
+    with tempfile.TemporaryDirectory(prefix="dg") as folder:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+        yield Path(folder)
+
+
+@pytest.fixture
+def robot() -> Any:
+    stops: list[str] = []
+    return SimpleNamespace(
+        machine=dg.Machine(clearance=3.0), bus="virtual", homed=True,
+        states=(State.OPERATION_ENABLED,) * 3, carriages=np.array([1.0, 2.0, 3.0]),
+        position=np.array([-41.0, 0.0, 302.0]), current_run=Run(), stops=stops,
+        stop=lambda: stops.append("stop"),
+    )  # fmt: skip
+
+
+def test_a_joined_machine_shows_what_its_owner_sees(robot: Any) -> None:
+    with share(robot):
+        joined = JoinedRobot(find())
+        assert joined.machine.to_dict() == robot.machine.to_dict()
+        assert (joined.bus, joined.states, joined.homed) == (robot.bus, robot.states, True)
+        assert joined.carriages.tolist() == [1.0, 2.0, 3.0]
+        assert joined.position.tolist() == [-41.0, 0.0, 302.0]
+        run = joined.current_run
+        assert run is not None
+        assert run.status.state is MotionState.HELD
+        assert run.status.lateness == STATUS.lateness
+        robot.current_run = None
+        assert joined.current_run is None
+
+
+def test_orders_arrive_and_refusals_come_back(robot: Any) -> None:
+    with share(robot) as path:
+        joined = JoinedRobot(path)
+        run = joined.current_run
+        assert run is not None
+        run.hold()
+        run.set_override(0.3)
+        run.resume()
+        joined.stop()
+        with pytest.raises(dg.BusError, match=r"override = 2\.0"):
+            run.set_override(2.0)
+    assert robot.current_run.orders == ["hold", 0.3, "resume"]
+    assert robot.stops == ["stop"]
+    with pytest.raises(dg.BusError, match="has ended"):
+        joined.stop()
+
+
+def test_a_stop_waits_behind_nobody(robot: Any) -> None:
+    strangers = (socket.socket(socket.AF_UNIX), socket.socket(socket.AF_UNIX))
+    with share(robot) as path, strangers[0] as silent, strangers[1] as rude:
+        silent.connect(str(path))
+        rude.connect(str(path))
+        with socket.socket(socket.AF_UNIX) as gone:
+            gone.connect(str(path))
+            gone.sendall(b'{"do": "look"}\n')
+        rude.sendall(b"[1, 2\n")
+        assert b"not understood" in rude.recv(1000)
+        JoinedRobot(path).stop()
+    assert robot.stops == ["stop"]
+
+
+def test_what_a_killed_program_leaves_behind_is_nobody() -> None:
+    folder = meeting_place()
+    code = "import socket, sys; s = socket.socket(socket.AF_UNIX); s.bind(sys.argv[1]); s.listen()"
+    subprocess.run([sys.executable, "-c", code, str(folder / "7.sock")], check=True, timeout=60)
+    with pytest.raises(dg.BusError, match=r"no program shares a machine; duoglide stream does"):
+        find()
+    assert not list(folder.iterdir())
+
+
+def test_of_several_one_must_be_named(robot: Any) -> None:
+    with share(robot) as path, socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(path.with_name("7.sock")))
+        other.listen()
+        with pytest.raises(dg.BusError, match=r"say which: --pid .*7"):
+            find()
+        assert find(7).stem == "7"
+        with pytest.raises(dg.BusError, match=r"process 8 shares none; these do: .*7"):
+            find(8)
+
+
+def test_a_folder_that_others_can_enter_is_refused(runtime: Path, robot: Any) -> None:
+    (runtime / "duoglide").mkdir(mode=0o755)
+    with pytest.raises(dg.BusError, match="a folder of yours alone"), share(robot):
+        pass
