@@ -94,14 +94,14 @@ def _blocks(given: FloatArray, out: FloatArray) -> Iterator[tuple[FloatArray, Fl
 def as_pose(value: Any) -> Sequence[float]:
     """Return the three floats of what is plainly one pose, nothing for anything else."""
     kind = type(value)
-    if kind is ARRAY:
-        if value.shape == ONE_POSE and value.dtype is DOUBLE:
-            pose: Sequence[float] = value.tolist()
-            return pose
-    elif (kind is tuple or kind is list) and len(value) == 3:
-        x, y, z = value
-        if type(x) is type(y) is type(z) is FLOAT:
-            return value  # type: ignore[no-any-return]  # seen
+    if kind is tuple or kind is list:
+        if len(value) == 3:
+            x, y, z = value
+            if type(x) is type(y) is type(z) is FLOAT:
+                return value  # type: ignore[no-any-return]  # seen
+    elif kind is ARRAY and value.shape == ONE_POSE and value.dtype is DOUBLE:
+        pose: Sequence[float] = value.tolist()
+        return pose
     return ()
 
 
