@@ -124,7 +124,11 @@ def send_error_frame(kind: int) -> None:
 def test_a_plan_is_streamed_over_the_kernels_bus(robot: dg.Robot, there: dg.Trajectory) -> None:
     report = _patiently(lambda: _make_ready(robot).run(there))
     assert report.completed
-    np.testing.assert_allclose(robot.position, (-41.0, 60.0, 302.0), atol=0.1)
+    end = (-41.0, 60.0, 302.0)
+    deadline = time.monotonic() + 10.0  # a drive that was kept waiting comes back to its setpoint
+    while np.abs(robot.position - end).max() > 0.1:
+        assert time.monotonic() < deadline, robot.position
+        time.sleep(0.1)
 
 
 def test_candump_reads_the_stream(robot: dg.Robot, there: dg.Trajectory) -> None:
@@ -154,7 +158,8 @@ def test_a_link_that_goes_down_stops_the_run_and_is_opened_again_on_purpose(
     assert not report.completed
     assert {Condition.BUS, Condition.UNSENT} & {trip.condition for trip in report.faults}
     time.sleep(1.0)
-    assert not robot.enabled  # it does not resume by itself
+    with pytest.raises(dg.DriveError):  # it does not resume by itself
+        robot.run(there, approach=True)
     assert _patiently(lambda: _make_ready(robot).run(there)).completed
 
 
