@@ -33,21 +33,28 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return here
 
 
-def test_a_plan_is_streamed_replayed_and_compared(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_helps_examples_stream_a_plan_replay_it_and_compare(
+    folder: Path,
+    examples: dict[str, list[list[str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(folder)
-    assert run(["stream", "plan.mcap", "--log", "run.mcap", "--approach", "--json"]) == 0
+    assert run([*examples["stream"][0], "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["completed"]
-    assert run(["replay", "run.mcap", "--log", "again.mcap", "--approach"]) == 0
+    assert run(examples["replay"][0]) == 0
     assert "cycles in" in capsys.readouterr().out
-    assert run(["log", "run.mcap", "--compare", "again.mcap", "--json"]) == 0
+    summary, exports, comparison = examples["log"]
+    assert run(summary) == 0
+    assert "worst following error" in capsys.readouterr().out
+    assert run(exports) == 0
+    assert {"run.csv", "run.log"} <= {file.name for file in folder.iterdir()}
+    capsys.readouterr()
+    assert run([*comparison, "--json"]) == 0
     compared = json.loads(capsys.readouterr().out)
     assert compared["same_setpoints"]
     assert compared["setpoint"] == [0, 0, 0]
-    assert run(["log", "run.mcap"]) == 0
-    assert "worst following error" in capsys.readouterr().out
     assert run(["log", "run.mcap", "--candump", "frames.log"]) == 0
     sent = decode_setpoints(folder / "frames.log")
     logged = [record.setpoint for _, record in read_log(folder / "run.mcap").records(Topic.CYCLE)]

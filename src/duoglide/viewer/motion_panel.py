@@ -148,6 +148,7 @@ class MotionPanel:
             scales={"x": {"time": False}},
             axes=({}, {"size": 52}),
             legend={"show": False},
+            padding=(12, 8, 0, 0),
             height=190,
         )
 
