@@ -10,6 +10,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import ulp
 from typing import TypeAlias
 
 import numpy as np
@@ -19,6 +20,8 @@ from duoglide.arrays import FloatArray, as_floats, read_only
 from duoglide.errors import InputError
 
 Polynomial: TypeAlias = tuple[float, float, float, float, float, float]
+
+_NEWTON_STEPS = 8
 
 TIME, SIGMA, SPEED, ACCELERATION = range(4)  # columns of the knots
 
@@ -116,6 +119,17 @@ class Profile:
         if column[high] == sigma:
             return float(self.knots[high, TIME])
         low, top = (float(self.knots[k, TIME]) for k in (high - 1, high))
+        guess = 0.5 * (low + top)
+        for _ in range(_NEWTON_STEPS):
+            here, speed, *_rest = self.at_time(guess)
+            low, top = (guess, top) if here < sigma else (low, guess)
+            ahead = guess + (sigma - here) / speed if speed > 0.0 else low
+            if not low < ahead < top:
+                break
+            guess = ahead
+        for side in (guess - 4.0 * ulp(guess), guess + 4.0 * ulp(guess)):
+            if low < side < top:
+                low, top = (side, top) if self.at_time(side)[0] < sigma else (low, side)
         while True:
             middle = 0.5 * (low + top)
             if not low < middle < top:

@@ -126,23 +126,31 @@ def duration_points(
     return first, points, (delta[:, None] * _BOOLE).ravel()
 
 
-def replace_unknown(
-    first: NDArray[np.int64], rows: FloatArray, unknown: int, by: int, value: float
+def replace_unknowns(
+    first: NDArray[np.int64], rows: FloatArray, ties: list[tuple[int, int, float]]
 ) -> FloatArray:
-    """Take an unknown out of rows, in place: it is another one (``by``), or a value (by = -1).
+    """Take unknowns out of rows, in place: each is another one (``by``), or a value (by = -1).
 
-    Every row that touches the unknown touches the other one too.
+    Every row that touches an unknown touches the other one too.
+
+    Args:
+        first: First unknown of each row, (m,).
+        rows: Four factors of each, (m, 4).
+        ties: Unknown, by, value.
 
     Returns:
         What is to be added to each row's product, (m,).
     """
     offset = np.zeros(first.size)
-    j = unknown - first
-    touched = np.flatnonzero((j >= 0) & (j < WIDTH))
-    j = j[touched]
-    if by < 0:
-        offset[touched] = rows[touched, j] * value
-    else:
-        rows[touched, by - first[touched]] += rows[touched, j]
-    rows[touched, j] = 0.0
+    low, high = (choose(unknown for unknown, _, _ in ties) for choose in (min, max))
+    reach = 2 * WIDTH  # of an end of the grid
+    near = np.flatnonzero((first <= low + reach) | (first >= high - reach))
+    for unknown, by, value in ties:
+        touched = near[(first[near] > unknown - WIDTH) & (first[near] <= unknown)]
+        j = unknown - first[touched]
+        if by < 0:
+            offset[touched] += rows[touched, j] * value
+        else:
+            rows[touched, by - first[touched]] += rows[touched, j]
+        rows[touched, j] = 0.0
     return offset

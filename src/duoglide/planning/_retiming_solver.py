@@ -116,12 +116,10 @@ def _window(
     unit = _unit(limits)
     first, factors, bounds = rows
     point_first, points, weights = _retiming_rows.duration_points(limits.delta, unit)
-    offsets = np.zeros(weights.size)
     x = _unknowns(begin, unit)
     ties = _ties(x, at_rest)
-    for unknown, by, value in ties:
-        offsets += _retiming_rows.replace_unknown(point_first, points, unknown, by, value)
-        bounds -= _retiming_rows.replace_unknown(first, factors, unknown, by, value)
+    offsets = _retiming_rows.replace_unknowns(point_first, points, ties)
+    bounds -= _retiming_rows.replace_unknowns(first, factors, ties)
     shrinks = [1.0]
     if all(at_rest):
         x /= max(1.0, _interior_point.excess(rows, x))

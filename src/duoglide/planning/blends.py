@@ -33,7 +33,7 @@ _HALVINGS = 1
 _CELLS = 32
 _MOST_CORNERS = 40  # for more of them no trials are made
 _EXACT = 1e-9  # relative, to which a tolerance is used, from below
-_HALVINGS_OF_CUT = 30
+_ALIKE = 1e-12  # relative, of two cut-backs that are one
 _COARSE = 16  # parts of a blend in which its nearest point is looked for
 _GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
 _GOLDEN_STEPS = 18
@@ -88,11 +88,18 @@ class _Corner:
         """Return the longest cut-back beside a given one that keeps the tolerance."""
         goal = self.tolerance * (1.0 - _EXACT)
         low, high = 0.0, max(self.room)
-        if deviation(high) <= goal:
+        under, over = -goal, deviation(high) - goal
+        if over <= 0.0:
             return high
-        for _ in range(_HALVINGS_OF_CUT):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if deviation(middle) <= goal else (low, middle)
+        while high - low > _ALIKE * high:  # regula falsi (Illinois)
+            cut = (low * over - high * under) / (over - under)
+            here = deviation(cut) - goal
+            if abs(here) <= 0.1 * _EXACT * goal:
+                return cut
+            if here < 0.0:
+                low, under, over = cut, here, 0.5 * over
+            else:
+                high, over, under = cut, here, 0.5 * under
         return low
 
     def _deviation(self, before: float, after: float, shape: float) -> float:

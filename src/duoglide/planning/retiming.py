@@ -17,7 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
@@ -46,16 +45,16 @@ class Retiming:
     converged: bool = True
     kept: int = 0
 
-    def split(self, delta: FloatArray, parts: NDArray[np.intp]) -> Retiming:
-        """Return the same retiming on a finer grid.
+    def resampled(self, times: FloatArray, at: FloatArray) -> Retiming:
+        """Return the same retiming on another grid.
 
         Args:
-            delta: Length of each cell, (n,).
-            parts: Into how many even parts each cell is divided, (n,).
+            times: Its own nodes, (n + 1,) [s].
+            at: The nodes of the other grid, from the same start to the same end [s].
         """
-        cell = np.repeat(np.arange(delta.size), parts)
-        within = np.arange(cell.size) - np.repeat(np.cumsum(parts) - parts, parts)
-        u, h = within / parts[cell], delta[cell]
+        cell = np.searchsorted(times, at[:-1], side="right") - 1
+        delta = np.diff(times)
+        u, h = (at[:-1] - times[cell]) / delta[cell], delta[cell]
         c0, c1, c2, c3 = self._cubics(delta)[:, cell]
         alpha = c0 + u * (c1 + u * (c2 + u * c3))
         beta = 0.5 * (c1 + u * (2.0 * c2 + 3.0 * u * c3)) / h

@@ -82,9 +82,9 @@ class _Moving:
             return None
         for _ in range(effort.refine):
             parts = parts_of(self.search.timed, problem.profile(found))
-            times = divided(times, parts)
+            before, times = times, divided(times, parts)
             finer = self.problem(times)
-            again = finer.improved(found.split(problem.delta, parts), 1, effort.tolerance)
+            again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
             if not again.converged:
                 break
             problem, found = finer, again

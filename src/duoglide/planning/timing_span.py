@@ -26,6 +26,7 @@ _SAME = 1e-7  # of the duration; knots nearer than that are one
 _COARSE = "a refinement did not converge: the motion before it is kept"
 _UNPOLISHED = "a correction of overshoots did not converge: the whole is slowed instead"
 _NOT_CONVERGED = "the interior-point method did not converge"
+_SAVED = 2  # tangents in the second problem, because it begins from the first one's solution
 _RAMP = 30.0  # to reach a limit in less than the share 1 / _RAMP of a cell gains nothing
 
 
@@ -37,7 +38,7 @@ class Effort:
         coarse: Cells of the first problem, which only shows where time is spent.
         cells: Cells of the second problem.
         per_piece: Cells of each piece of the curve, at least.
-        rounds: Tangents of the jerk limit in the second problem.
+        rounds: Tangents of the jerk limit, at least.
         refine: How often to divide cells in which the motion exceeds a limit between points.
         polish: How often at most to lower limits where the motion between knots exceeds them.
         tolerance: Of the duration, relative.
@@ -144,6 +145,8 @@ class Search:
         """
         cells = max(effort.cells, effort.per_piece * (self.fixed.size - 1))
         timed = self.timed.eased(_RAMP * cells / self.base.duration)
+        if np.array_equal(timed.limits, self.timed.limits):
+            return self
         return Search.between(timed, self.sigma[0], self.sigma[-1])
 
     def simple(self) -> Profile:
@@ -159,7 +162,8 @@ class Search:
 
     def quickest(self, effort: Effort) -> Span | None:
         """Return the near-optimal motion, or None where the solver does not converge."""
-        rough = self.problem(self.grid(self.own_clock, effort.coarse, 2))
+        coarse = self.grid(self.own_clock, effort.coarse, 2)
+        rough = self.problem(coarse)
         first = rough.settled(rough.uniform(), 1, 1e-3)
         if not first.converged:
             return None
@@ -168,14 +172,15 @@ class Search:
         timed = self.timed.eased(_RAMP * times.size / clock[1][-1])  # the base is slower than that
         search = replace(self, timed=timed)
         problem = search.problem(times)
-        found = problem.settled(problem.uniform(), effort.rounds - 1, effort.tolerance)
+        begin = first.resampled(coarse, times)
+        found = problem.settled(begin, max(1, effort.rounds - _SAVED), effort.tolerance)
         if not found.converged:
             return None
         for _ in range(effort.refine):
             parts = parts_of(timed, problem.profile(found))
-            times = divided(times, parts)
+            before, times = times, divided(times, parts)
             finer = search.problem(times)
-            again = finer.improved(found.split(problem.delta, parts), 1, effort.tolerance)
+            again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
             if not again.converged:
                 span = _polished(timed, problem, found, effort)
                 return _in_part(span.profile, _COARSE, span.reason)
