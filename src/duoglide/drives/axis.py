@@ -96,7 +96,7 @@ class Axis(DriveObjects):
         code = self.read(0x603F)
         return DriveFault(
             f"axis {self.number} (node {self.node_id}): fault 0x{code:04X},"
-            f" {emergency_words(code)}",
+            f" {emergency_words(code)}; once its cause is gone, reset_fault() acknowledges it",
             axis=self.number,
             code=code,
         )
