@@ -14,6 +14,7 @@ import numpy as np
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
 from duoglide.machine.cell import Box
+from duoglide.machine.drive_quirks import Homing, Quirks
 from duoglide.machine.drive_settings import DriveSettings
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits, DerivedLimits
@@ -24,6 +25,7 @@ _TABLES = {
     "stop_limits": CarriageLimits,
     "drives": DriveSettings,
 }
+_INNER_TABLES = {"keep_out": Box, "drives.homing": Homing, "drives.quirks": Quirks}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,15 +138,16 @@ class Machine:
         return tables
 
     def save(self, path: str | Path) -> None:
-        """Write the machine to a TOML file that ``load`` reads back exactly.
+        """Write the machine to a TOML file that ``load`` reads back exactly, and people easily.
 
         Raises:
             ConfigError: The file cannot be written.
         """
-        import tomli_w
+        from duoglide.machine.toml_text import commented
 
+        text = commented(self.to_dict(), {"": Machine, **_TABLES, **_INNER_TABLES})
         try:
-            Path(path).write_text(tomli_w.dumps(self.to_dict()), encoding="utf-8")
+            Path(path).write_text(text, encoding="utf-8")
         except OSError as error:
             raise ConfigError(f"cannot write machine file {path}: {error}") from error
 

@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+
+import duoglide as dg
+from duoglide.machine import toml_text
+
+POST = dg.Box(name='a "post" = [\n1,\n]', low=(0, 0, 0), high=(10, 10, 10))
+MACHINE = dg.Machine(
+    keep_out=(POST, POST),
+    home_position=(-41, 0, 302),
+    limits=dg.CarriageLimits(jerk=(1e6, 2e6, 3e6)),
+)
+
+
+def test_a_commented_file_is_read_back_exactly(tmp_path: Path) -> None:
+    MACHINE.save(tmp_path / "cell.toml")
+    assert dg.Machine.load(tmp_path / "cell.toml").to_dict() == MACHINE.to_dict()
+
+
+def test_every_key_is_explained_once_and_fits_the_page(tmp_path: Path) -> None:
+    MACHINE.save(tmp_path / "cell.toml")
+    lines = (tmp_path / "cell.toml").read_text().splitlines()
+    assert max(map(len, lines)) <= toml_text.WIDTH
+    explained: set[str] = set()
+    for before, line in pairwise(lines):
+        key, equals, _ = line.partition(" = ")
+        if equals and not line.startswith("#") and ("  # " in line or before.startswith("# ")):
+            explained.add(key)
+    tables = MACHINE.to_dict()
+    keys = {key for key, value in tables.items() if not isinstance(value, dict | list)}
+    for name in ("geometry", "limits", "drives"):
+        keys |= {key for key in tables[name] if key not in ("homing", "quirks")}
+    assert keys <= explained
+    assert "leg_length = 160.0  # l2, the legs B1C1 and B2C2" in lines
+    assert "jerk = [1000000.0, 2000000.0, 3000000.0]  # [mm/s^3]" in lines
+
+
+def test_long_arrays_and_nested_ones_stay_as_they_are() -> None:
+    tables = {"short": [1, 2], "long": list(range(100, 140)), "nested": [[1, 2], [3]], "none": []}
+    text = toml_text.commented(tables, {})
+    assert tomllib.loads(text) == tables
+    assert "short = [1, 2]" in text
