@@ -176,6 +176,23 @@ def test_actions_happen_once_and_in_order_across_seams() -> None:
     assert [action for part in parts for _, action in part.actions] == marks
 
 
+def test_a_cap_on_the_tool_holds_across_a_seam_that_is_passed_at_it() -> None:
+    points = [(-41, -100, 290), (-41, 60, 290), (-25, 100, 300), (-25, 20, 300)]
+    paths = [
+        dg.Path.polyline(points[:3], 3.0, speed=200.0),
+        dg.Path.line(points[2], points[3], 200.0),
+    ]
+    machine = replace(
+        _brisk(), limits=dg.CarriageLimits(velocity=250.0, acceleration=2e4, jerk=1e6)
+    )
+    first, second = dg.plan_program(machine, paths, brake_safe=False, tolerance=3.0)
+    assert first.profile.knots[-1, 2] == pytest.approx(200.0, rel=0.01)
+    for part in (first, second):
+        places = part.position_at(np.arange(0.0, part.duration, 1e-3))
+        speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / 1e-3
+        assert speeds.max() <= 200.0 * 1.0005
+
+
 @pytest.mark.parametrize("tolerance", [0.0, 3.0])
 def test_reversals_and_dwells_stay_rests(machine: dg.Machine, tolerance: float) -> None:
     up, on = dg.Path.line((-41, 0, 280), (-41, 0, 290)), dg.Path.line((-41, 0, 290), (-41, 0, 300))

@@ -25,7 +25,7 @@ from duoglide.planning.timed_curve import SigmaCap, TimedCurve
 
 ALLOWED = 1.5e-3  # of the velocity limits, by which a timing may exceed the lowered ones
 _EARLY = 3  # cells in which half of that is granted, as what comes before may have used it
-_SPARE = 1.05  # of speed and acceleration beyond those at the start
+_SPARE = 1.05  # of acceleration, and of what it still adds to the speed at the start
 _TRIES = 12
 _SOFTER = 0.8  # of the jerk at the end of a way to rest
 _LOOKS = 401
@@ -78,10 +78,12 @@ class Lead:
         s, v, a = motion[:, :3].T
         last = -1 - _LOOKS // 50
         jerk = _SOFTER * a[last] ** 2 / (2.0 * v[last])  # of the last phase, where v = a^2 / 2 j
+        jerk = max(jerk, v[last] / self.way.duration**2)
         low = (a < 0.0) & (v - a * a / (2.0 * jerk) <= np.interp(s, sigma, slow))
         k = int(np.argmax(low)) if low.any() else last
         begin, (s0, v0, a0, _) = float(times[k]), motion[k].tolist()
         h = min(abs(a0) / jerk, v0 / max(abs(a0), 1e-300))  # at the latest at half the speed
+        h = max(h, _VANISHED * self.way.duration)
         end = (begin + h, s0 + h * (v0 + h * a0 / 3.0), v0 + 0.5 * h * a0, 0.0)
         kept = self.way.knots[self.way.knots[:, TIME] < begin]
         return Profile(np.array([*kept, (begin, s0, v0, a0), end]))
@@ -109,7 +111,7 @@ class Lead:
             LimitError: There is none.
         """
         length = end - start
-        speed = max(bounds[0], _SPARE * self.speed)
+        speed = max(bounds[0], self.speed)
         rate = max(bounds[1], _SPARE * abs(self.acceleration), self.speed**2 / length)
         third = max(bounds[2], 2.0 * self.acceleration**2 / self.speed, rate**2 / speed)
         for _ in range(_TRIES):

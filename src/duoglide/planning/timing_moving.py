@@ -24,6 +24,8 @@ from duoglide.planning.timing_span import (
 )
 from duoglide.planning.timing_use import largest_use, stretch
 
+_SAME = 1e-3  # of the duration; knots nearer than that to one that must be are left out
+
 
 def time_moving(timed: TimedCurve, lead: Lead, end: float, effort: Effort) -> Span:
     """Time the part of a curve from its start, in motion, to its first rest.
@@ -53,7 +55,7 @@ def _bounds(timed: TimedCurve, sigma: FloatArray) -> tuple[float, float, float]:
         unit = np.zeros((sigma.size, 1, 4))
         unit[:, 0, 0], unit[:, 0, 1] = sigma, 1.0
         caps = timed.caps(unit, timed.pieces_of(sigma)[:, None], sigma)
-        speed = min(speed, float((1.0 / caps.speed).max()))
+        speed = min(speed, float((1.0 / caps.speed).min()))
     return speed, acceleration, jerk
 
 
@@ -78,14 +80,14 @@ class _Moving:
         times, start = self.begin(effort)
         problem = self.problem(times)
         found = problem.settled(start, effort.rounds - 1, effort.tolerance)
-        if not found.converged:
+        if not _sound(problem, found):
             return None
         for _ in range(effort.refine):
             parts = parts_of(self.search.timed, problem.profile(found))
             before, times = times, divided(times, parts)
             finer = self.problem(times)
             again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
-            if not again.converged:
+            if not _sound(finer, again):
                 break
             problem, found = finer, again
         return self.polished(problem, found, effort)
@@ -100,7 +102,7 @@ class _Moving:
                 return profile
             problem = problem.tightened(use)
             found = problem.improved(found, 1, effort.tolerance)
-            if not found.converged:
+            if not _sound(problem, found):
                 break
         return None
 
@@ -109,11 +111,21 @@ class _Moving:
         search = self.search
         rough = self.problem(search.grid(search.own_clock, effort.coarse, 2))
         known = self.lead.known(rough)
-        clock = rough.base.knots[:, TIME], rough.profile(along(known, rough)).knots[:, TIME]
+        slowness = along(known, rough).alpha ** -0.5
+        shown = np.cumsum(0.5 * rough.delta * (slowness[1:] + slowness[:-1]))
+        clock = rough.base.knots[:, TIME], np.concatenate([[0.0], shown])
         knots = thinned(known, search.sigma, effort.cells)[:, SIGMA]
-        there = [search.base.time_at(sigma) for sigma in knots.tolist()]
+        there = np.array([search.base.time_at(sigma) for sigma in knots.tolist()])
+        gap = np.abs(there[:, None] - search.fixed).min(axis=1)
         beyond = search.fixed[search.fixed > there[-1]]
         parts = np.linspace(beyond[:-1], beyond[1:], effort.per_piece + 1)[1:-1]
-        fixed = np.union1d(search.fixed, [*there, *parts.ravel()])
-        times = grid(fixed, search.base.knots[1:-1, TIME], clock, effort.cells, 1)
+        wanted = [*there[gap > _SAME * search.base.duration], *parts.ravel()]
+        fixed = np.union1d(search.fixed, wanted)
+        times = grid(fixed, np.zeros(0), clock, effort.cells, 1)
         return times, along(known, self.problem(times))
+
+
+def _sound(problem: RetimingProblem, found: Retiming) -> bool:
+    """Whether the solver converged, to a motion that goes on between the nodes too."""
+    with np.errstate(invalid="ignore"):
+        return found.converged and bool(np.isfinite(found.durations(problem.delta)).all())
