@@ -42,7 +42,8 @@ def time_moving(timed: TimedCurve, lead: Lead, end: float, effort: Effort) -> Sp
     sigma = marks(timed, 0.0, end)
     base = lead.first_motion(0.0, end, _bounds(timed, sigma))
     search = _Moving(Search.along(timed, base, sigma), lead)
-    found = search.quickest(effort) or search.quickest(effort.finer())
+    with np.errstate(invalid="ignore", divide="ignore"):  # what is no motion is given up
+        found = search.quickest(effort) or search.quickest(effort.finer())
     if found is None:
         raise LimitError(f"no timing was found that begins at {lead.speed:g} mm/s")
     return Span(found)
@@ -127,5 +128,4 @@ class _Moving:
 
 def _sound(problem: RetimingProblem, found: Retiming) -> bool:
     """Whether the solver converged, to a motion that goes on between the nodes too."""
-    with np.errstate(invalid="ignore"):
-        return found.converged and bool(np.isfinite(found.durations(problem.delta)).all())
+    return found.converged and bool(np.isfinite(found.durations(problem.delta)).all())
