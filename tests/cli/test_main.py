@@ -171,7 +171,9 @@ def test_plan_writes_what_log_and_python_read(capsys: pytest.CaptureFixture[str]
     assert max(map(max, numbers["use"].values())) <= 1.001
     assert run(["log", "plan.mcap"]) == 0
     assert "a plan" in capsys.readouterr().out
-    assert run(["log", "plan.mcap", "--csv", "plan.csv"]) == 0
+    assert run(["log", "plan.mcap", "--csv", "plan.csv", "--picture", "log.png"]) == 0
+    assert Path("log.png").stat().st_size > 10_000
+    capsys.readouterr()  # says how long it took on a slow computer
     assert Path("plan.csv").read_text().startswith("path_time_s,x_mm")
     assert "not a run" in refused(["replay", "plan.mcap"], capsys)
     assert "must not take the place" in refused(

@@ -45,11 +45,12 @@ def test_the_helps_examples_stream_a_plan_replay_it_and_compare(
     assert report["completed"]
     assert run(examples["replay"][0]) == 0
     assert "cycles in" in capsys.readouterr().out
-    summary, exports, comparison = examples["log"]
+    summary, exports, picture, comparison = examples["log"]
     assert run(summary) == 0
     assert "worst following error" in capsys.readouterr().out
     assert run(exports) == 0
-    assert {"run.csv", "run.log"} <= {file.name for file in folder.iterdir()}
+    assert run(picture) == 0
+    assert {"run.csv", "run.log", "run.png"} <= {file.name for file in folder.iterdir()}
     capsys.readouterr()
     assert run([*comparison, "--json"]) == 0
     compared = json.loads(capsys.readouterr().out)

@@ -11,6 +11,7 @@ from duoglide.motion.trajectory import Trajectory
 from duoglide.playback.run_data import RunData
 
 _BEFORE, _AFTER = 5, 20  # cycles of rest that a picture shows
+_MOST = 20_000  # points of a smooth curve, however long the run
 
 
 def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
@@ -26,16 +27,17 @@ def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
     moving = np.flatnonzero(data.on_program)
     if len(moving) == 0:
         raise LogError("a run without a cycle on its program cannot be drawn")
-    shown = slice(max(int(moving[0]) - _BEFORE, 0), int(moving[-1]) + _AFTER)
-    times = (data.time - data.time[moving[0]])[shown]
-    planned = trajectory.at(data.path_time)
-    velocity = planned.velocity * np.where(data.on_program, data.rate, 0.0)[:, None] / 1e3
+    first, last = max(int(moving[0]) - _BEFORE, 0), int(moving[-1]) + _AFTER
+    shown, some = slice(first, last), slice(first, last, (last - first) // _MOST + 1)
+    times = data.time - data.time[moving[0]]
+    rate = np.where(data.on_program, data.rate, 0.0)[some, None]
+    velocity = trajectory.at(data.path_time[some]).velocity * rate / 1e3
     limits = trajectory.machine.limits.velocity / 1e3
     with drawn((7.0, 6.0)) as figure:
         rows = figure.subplots(3, 1, sharex=True)
-        draw_carriages(rows[0], times, data.actual_mm[shown], data.machine)
-        draw_limited(rows[1], times, velocity[shown], limits, "Velocity [m/s]")
-        draw_curves(rows[2], times, data.following_error[shown] * 1e3)
+        draw_carriages(rows[0], times[some], data.actual_mm[some], data.machine)
+        draw_limited(rows[1], times[some], velocity, limits, "Velocity [m/s]")
+        draw_curves(rows[2], times[shown], data.following_error[shown] * 1e3)  # every worst one
         rows[2].set_title("Tracking error [µm], measured minus the setpoint that was due")
         rows[2].axhline(0.0, color=LIMIT, linewidth=0.7)
         finish(rows, "time from the start of the program [s]")

@@ -10,7 +10,7 @@ import typer
 
 from duoglide.cli.console import say, say_facts, say_json, triple, working
 from duoglide.cli.options import Json
-from duoglide.cli.outputs import require_place
+from duoglide.cli.outputs import require_picture, require_place
 
 if TYPE_CHECKING:
     from duoglide.playback.compare import Comparison
@@ -23,6 +23,8 @@ Examples:
 duoglide log run.mcap
 
 duoglide log run.mcap --csv run.csv --candump run.log
+
+duoglide log run.mcap --picture run.png
 
 duoglide log run.mcap --compare again.mcap
 """
@@ -51,6 +53,10 @@ def log(
         Path | None,
         typer.Option("--foxglove", metavar="FILE", help="Write MCAP with all derived topics."),
     ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", metavar="FILE", help="Draw it over time (png, pdf)."),
+    ] = None,
     other: Annotated[
         Path | None,
         typer.Option("--compare", metavar="OTHER", help="Compare with another run."),
@@ -62,6 +68,7 @@ def log(
     A log that was killed or damaged is read up to its last whole record.
     """
     require_place(csv, parquet, candump, foxglove)
+    require_picture(picture)
     from duoglide.storage import read_log
 
     with working("opening"):
@@ -72,10 +79,25 @@ def log(
             count = write(opened, goal)
         if not as_json:
             say(f"{goal}: {count} {name}")
+    if picture is not None:
+        with working(f"drawing {picture}"):
+            _draw(opened, picture)
     if other is not None:
         _compare(opened, other, as_json)
     elif as_json or not exports:
         _summarise(opened, as_json)
+
+
+def _draw(opened: Log, picture: Path) -> None:
+    """Draw a plan, or a run with what it was meant to be."""
+    from duoglide.drawing.picture import save
+    from duoglide.playback.rebuild import plan_of
+    from duoglide.playback.run_data import read_run
+    from duoglide.storage import LogKind
+    from duoglide.viewer.run_picture import plot_run
+
+    plan = plan_of(opened)
+    save(plot_run(read_run(opened), plan) if opened.kind is LogKind.RUN else plan.plot(), picture)
 
 
 Writer = tuple[str, Path, Callable[["Log", Path], int]]
