@@ -3,9 +3,10 @@
     python tests/benchmarks/programs.py [--picks 1000] [--visits 20] [--seed 1]
 
 First ``--visits`` chained moves that need not rest at their stations (a drop in passing, a look):
-rest to rest, and handed over in motion. The worst audit is that of the setpoints of the whole
-program every 50 us, across all seams. Then ``--picks`` chained picks, whose stations are rests
-because the way turns back there: planning time, and memory after a tenth of them and at the end.
+rest to rest, handed over in motion, and planned as one path. The worst audit is that of the
+setpoints of the whole program every 50 us, across all seams. Then ``--picks`` chained picks, whose
+stations are rests because the way turns back there: planning time, and memory after a tenth of them
+and at the end.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import platform
 import time
 import tracemalloc
 from collections.abc import Iterator
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -75,6 +77,9 @@ def compare(seed: int, count: int) -> None:
             f" motion, worst audit {audit(parts):.5f}, planned in {took / count:.3f} s a move"
         )
     print(f"  saved {100.0 * (1.0 - totals[1] / totals[0]):.1f} %")
+    first, *others = visits(seed, count)
+    whole = reduce(lambda path, other: path.then(other, 3.0), others, first)
+    print(f"  {'as one path':22} {dg.plan(machine, whole).duration:8.4f} s in one trajectory")
 
 
 def hold(seed: int, count: int) -> None:
