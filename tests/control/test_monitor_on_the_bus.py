@@ -19,7 +19,6 @@ import pytest
 import duoglide as dg
 from duoglide.drives import pdo
 
-pytestmark = pytest.mark.xdist_group("monitor")  # one run for all of them
 DEFAULT = dg.Machine.default()
 MACHINE = replace(  # a busy computer must not be what stops this run
     DEFAULT,
