@@ -86,14 +86,11 @@ class Drivetrain:
             raise NotHomedError("the position reference is not known: home the machine first")
 
     def require_power(self, what: str) -> None:
-        """Raise DriveError unless the drives are enabled; say what has switched them off."""
+        """Raise DriveError unless the drives are enabled and no stop is latched; say which."""
+        if why := "; ".join(trip.words for trip in self.latched):
+            raise DriveError(f"{what} needs power: reset_fault() and enable() after {why}")
         if not self.enabled:
-            why = "; ".join(trip.words for trip in self.latched)
-            raise DriveError(
-                f"{what} needs power: reset_fault() and enable() after {why}"
-                if why
-                else f"{what} needs power: enable() the drives first"
-            )
+            raise DriveError(f"{what} needs power: enable() the drives first")
 
     @property
     def carriages(self) -> FloatArray:
