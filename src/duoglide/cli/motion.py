@@ -76,6 +76,6 @@ def run_facts(report: RunReport) -> list[tuple[str, str]]:
             f" after the deadline; {report.skipped} cycles left out",
         ),
         ("following error", f"worst {triple(report.following_error, 3)} mm"),
-        ("lost frames", f"{report.lost}"),
+        ("feedback late or lost", f"{report.lost} frames"),
     ]
     return rows + [("fault", trip.words) for trip in report.faults]

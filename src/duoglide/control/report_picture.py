@@ -42,7 +42,7 @@ def report_html(report: RunReport) -> str:
             "lateness",
             f"median {late.median:.0f} µs, 99 % {late.p99:.0f} µs, worst {late.worst:.0f} µs",
         ),
-        ("lost frames", f"{report.lost}"),
+        ("feedback late or lost", f"{report.lost} frames"),
         *(("fault", trip.words) for trip in report.faults),
         ("log", str(report.log) if report.log is not None else "none"),
     ]

@@ -71,6 +71,14 @@ class RunData:
         return _mm(self.machine, self.actual)
 
     @property
+    def measured_mm(self) -> FloatArray:
+        """Actual positions [mm], shape (n, 3); NaN where a drive's answer did not come in time."""
+        measured = self.actual_mm
+        for axis in range(AXES):
+            measured[(self.missing >> axis) & 1 == 1, axis] = np.nan
+        return measured
+
+    @property
     def following_error(self) -> FloatArray:
         """Actual position minus the setpoint that should be reached then [mm], shape (n, 3).
 
