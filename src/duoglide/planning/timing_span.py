@@ -18,6 +18,8 @@ from duoglide.planning.timing_grid import grid
 from duoglide.planning.timing_use import POINTS, largest_use, stretch
 
 _ROUNDING = 1e-6
+_LONG = 6  # corrections, after which ``_NEARLY`` is enough
+_NEARLY = 3e-3  # of the duration
 _FINE = 1e-3  # of the duration; a motion that exceeds its limits by less needs no other round
 _RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
 _USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
@@ -242,7 +244,8 @@ def _polished(timed: TimedCurve, problem: RetimingProblem, found: Retiming, effo
         factor = stretch(use)
         if profile.duration * factor < least:
             best, least = (profile, found.kept), profile.duration * factor
-        if factor < 1.0 + _FINE or turn == effort.polish:
+        enough = _NEARLY if turn >= _LONG else _FINE
+        if least < (1.0 + enough) * profile.duration or turn == effort.polish:
             break
         problem = problem.tightened(use)
         again = problem.improved(found, 1, effort.tolerance)
