@@ -148,6 +148,57 @@ def test_a_fault_of_one_drive_stops_all_is_named_and_needs_a_reset(
     assert ready.run(there, approach=True).completed
 
 
+def test_what_is_ordered_during_the_approach_holds_for_the_program_too(
+    ready: dg.Robot, back: dg.Trajectory
+) -> None:
+    handle = ready.start(back, approach=True)
+    handle.set_override(0.3)
+    program = handle._plan.program.number
+    monkey = handle._finished
+
+    def hold_between() -> None:  # just as the approach ends, before the program begins
+        handle._finished = monkey  # type: ignore[method-assign]
+        handle.hold()
+        monkey()
+
+    handle._finished = hold_between  # type: ignore[method-assign]
+    _until(lambda: handle._between)
+    time.sleep(0.1)
+    assert not handle.done and handle._current != program
+    handle.resume()
+    _until(lambda: handle._current == program and handle.status.rate > 0.0)
+    _until(lambda: handle.done or handle.status.rate > 0.29)
+    assert handle.status.rate <= 0.3
+    assert handle.wait(20.0).completed
+
+
+def test_a_run_that_is_held_between_approach_and_program_can_be_stopped(
+    ready: dg.Robot, back: dg.Trajectory
+) -> None:
+    handle = ready.start(back, approach=True)
+    handle._held = True
+    _until(lambda: handle._between)
+    handle.stop()
+    assert not handle.wait(5.0).completed
+
+
+def test_a_run_that_is_stopped_before_it_begins_does_not_begin(
+    ready: dg.Robot, there: dg.Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    load = ready._connection.process.load
+
+    def stop_meanwhile(program: object) -> None:
+        load(program)
+        ready.stop()
+
+    monkeypatch.setattr(ready._connection.process, "load", stop_meanwhile)
+    with pytest.raises(dg.DriveError, match="stop was commanded"):
+        ready.run(there)
+    monkeypatch.undo()
+    assert ready.current_run is None
+    assert ready.run(there, override=1.0).completed
+
+
 def test_run_raises_what_made_it_stop(ready: dg.Robot, there: dg.Trajectory) -> None:
     simulated = ready.simulated
     assert simulated is not None

@@ -12,6 +12,7 @@ from duoglide.control.happenings import event_record
 from duoglide.control.motion import MotionState
 from duoglide.control.orders import Command, Happening
 from duoglide.control.report import RunReport, Tally
+from duoglide.control.verdict import require_success
 from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError, InputError
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 _SETTLING_CYCLES = 10  # recorded after the end, so that the log shows the carriages arrive
 _SETTLING_PATIENCE = 2.0  # [s]
+STOP_PATIENCE = 10.0  # [s] for a stop on the path, at any override
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,8 @@ class RunHandle:
         self._report: RunReport | None = None
         self._ordered_to_stop = False
         self._current = 0
+        self._pacing = threading.Lock()  # between whoever operates and the monitor's thread
+        self._override, self._held, self._between = plan.override, False, False
         self._refusal = ""
         self._failure: DuoglideError | None = None
         listeners = (self, self._tally)
@@ -111,29 +115,42 @@ class RunHandle:
             self._over.set()
         elif event.kind == Happening.FINISHED:
             self._finished()
+        elif event.kind == Happening.TRIP and self._between:
+            self._over.set()
         elif event.kind == Happening.STARTED:
             self._current = int(event.value)
 
     def _finished(self) -> None:
         if self._plan.approach is not None and self._current == self._plan.approach.number:
-            if self._ordered_to_stop:
-                self._over.set()
-            else:
-                program = self._plan.program.number
-                self._process.order(Command.RUN, program, self._plan.override)
+            with self._pacing:
+                self._between = True
+                self._go_on()
             return
         self._tally.completed = True
         self._over.set()
+
+    def _go_on(self) -> None:
+        """Between approach and program: begin, unless somebody has stopped or held the run."""
+        if self._between and self._ordered_to_stop:
+            self._over.set()
+        elif self._between and not self._held:
+            self._between = False
+            self._process.order(Command.RUN, self._plan.program.number, self._override)
 
     # What the operator calls
 
     def hold(self) -> None:
         """Come to rest on the path; ``resume`` goes on."""
-        self._process.order(Command.HOLD)
+        with self._pacing:
+            self._held = True
+            self._process.order(Command.HOLD)
 
     def resume(self) -> None:
         """Go on after a hold."""
-        self._process.order(Command.RESUME)
+        with self._pacing:
+            self._held = False
+            self._process.order(Command.RESUME)
+            self._go_on()
 
     def set_override(self, override: float) -> None:
         """Run at this rate, 0 to 1.
@@ -141,17 +158,23 @@ class RunHandle:
         Raises:
             InputError: Not a number from 0 to 1.
         """
-        self._process.order(Command.OVERRIDE, 0, require_override(override))
+        with self._pacing:
+            self._override = require_override(override)
+            self._process.order(Command.OVERRIDE, 0, self._override)
 
     def stop(self) -> None:
         """Come to rest on the path and end the run; the drives stay on."""
-        self._ordered_to_stop = True
-        self._process.order(Command.STOP)
+        with self._pacing:
+            self._ordered_to_stop = True
+            self._process.order(Command.STOP)
+            self._go_on()
 
     def quick_stop(self) -> None:
         """Let every drive brake by itself, now; latched until ``Robot.reset_fault``."""
-        self._ordered_to_stop = True
-        self._process.order(Command.QUICK_STOP)
+        with self._pacing:
+            self._ordered_to_stop = True
+            self._process.order(Command.QUICK_STOP)
+            self._go_on()
 
     @property
     def done(self) -> bool:
@@ -244,3 +267,20 @@ def require_override(override: object) -> float:
     if not 0.0 <= value <= 1.0:
         raise InputError(f"override = {value:g}: must be from 0 to 1 (1 is the planned speed)")
     return value
+
+
+def wait_to_the_end(handle: RunHandle) -> RunReport:
+    """Wait for a run; Ctrl-C stops it along its path.
+
+    Raises:
+        DriveError: It has been stopped by what ``verdict`` names.
+        BusError: The bus has failed, or the streamer is gone.
+    """
+    try:
+        report = handle.wait()
+    except KeyboardInterrupt:
+        handle.stop()
+        handle.wait(STOP_PATIENCE)
+        raise
+    require_success(report)
+    return report

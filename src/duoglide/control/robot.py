@@ -12,11 +12,16 @@ from duoglide.control.approach import way_to_start
 from duoglide.control.connected import ConnectedMachine
 from duoglide.control.connection import Connection
 from duoglide.control.fitness import limit_use, require_fit
-from duoglide.control.handle import RunHandle, RunPlan, require_override
+from duoglide.control.handle import (
+    STOP_PATIENCE,
+    RunHandle,
+    RunPlan,
+    require_override,
+    wait_to_the_end,
+)
 from duoglide.control.program import Fence, prepare
 from duoglide.control.report import RunReport
 from duoglide.control.run_log import RunLog
-from duoglide.control.verdict import require_success
 from duoglide.errors import DriveError, DuoglideError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward
@@ -27,8 +32,6 @@ if TYPE_CHECKING:
 
     from duoglide.machine import Machine
     from duoglide.motion.trajectory import Trajectory
-
-_STOP_PATIENCE = 10.0  # [s] for a stop on the path, at any override
 
 
 class Robot(ConnectedMachine):
@@ -42,6 +45,9 @@ class Robot(ConnectedMachine):
     def __init__(self, machine: Machine, connection: Connection) -> None:
         super().__init__(machine, connection)
         self._run: RunHandle | None = None
+        self._stops = self._stops_before = (
+            0  # how often stop() was called; before a run was asked for
+        )
         self._number = 0
 
     @classmethod
@@ -170,7 +176,7 @@ class Robot(ConnectedMachine):
             PathError: The machine is not at the start, and no approach was asked for.
             DriveError: A drive has failed; the machine has been stopped and the log is whole.
         """
-        return _to_the_end(self.start(trajectory, log, approach, override))
+        return wait_to_the_end(self.start(trajectory, log, approach, override))
 
     def start(
         self,
@@ -203,9 +209,12 @@ class Robot(ConnectedMachine):
             raise DriveError("a run is in progress; wait for it or stop it first")
         self._end_run()
         self._drives.require_power("a run")
+        self._stops_before = self._stops
 
     def _begin(self, plan: RunPlan, run_log: RunLog | None) -> RunHandle:
         self._drives.require_power("a run")  # planning takes its time, and much may have happened
+        if self._stops != self._stops_before:
+            raise DriveError("stop was commanded before the run began")
         self._run = RunHandle(plan, self._connection.process, self._connection.monitor, run_log)
         return self._run
 
@@ -216,7 +225,11 @@ class Robot(ConnectedMachine):
         return None if run is None or run.done else run
 
     def stop(self) -> None:
-        """Stop whatever runs, along its path; from any thread, at any time, as often as wanted."""
+        """Stop whatever runs, along its path; from any thread, at any time, as often as wanted.
+
+        A run that is still being prepared does not begin.
+        """
+        self._stops += 1
         run = self.current_run
         if run is not None:
             run.stop()
@@ -269,7 +282,7 @@ class Robot(ConnectedMachine):
         self._connection.process.load(program)
         use = limit_use(way, self.machine)
         plan = RunPlan(None, program, 1.0, self._drives.scales, use)
-        return _to_the_end(self._begin(plan, None))
+        return wait_to_the_end(self._begin(plan, None))
 
     # Inside
 
@@ -284,16 +297,4 @@ class Robot(ConnectedMachine):
             return
         if not run.done:
             run.stop()
-        run.wait(_STOP_PATIENCE)
-
-
-def _to_the_end(handle: RunHandle) -> RunReport:
-    """Wait for a run; Ctrl-C stops it along its path."""
-    try:
-        report = handle.wait()
-    except KeyboardInterrupt:
-        handle.stop()
-        handle.wait(_STOP_PATIENCE)
-        raise
-    require_success(report)
-    return report
+        run.wait(STOP_PATIENCE)

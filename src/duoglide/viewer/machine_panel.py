@@ -18,6 +18,7 @@ from duoglide.viewer.motion_panel import MotionPanel
 if TYPE_CHECKING:
     from duoglide.machine import Machine
 
+_IDLE = "Nothing runs."
 _REFRESH = 0.1  # [s] between two looks at the machine
 _JOGS = {"-x": (0, -1.0), "+x": (0, 1.0), "-y": (1, -1.0), "+y": (1, 1.0), "-z": (2, -1.0)}
 _JOGS["+z"] = (2, 1.0)
@@ -75,9 +76,11 @@ class MachinePanel:
             self._gui.add_button("Stop", color="red", hint="Space bar").on_click(
                 lambda _: self.stop()
             )
-            self._gui.add_button("Hold").on_click(lambda _: self._to_run(lambda run: run.hold()))
+            self._gui.add_button("Hold").on_click(
+                lambda _: self._to_run(lambda run: run.hold(), _IDLE)
+            )
             self._gui.add_button("Resume").on_click(
-                lambda _: self._to_run(lambda run: run.resume())
+                lambda _: self._to_run(lambda run: run.resume(), _IDLE)
             )
             self._override = self._gui.add_slider("Override [%]", 0, 100, 1, 100)
             self._words = self._gui.add_markdown("Not connected." if self._own else "Live.")
@@ -167,11 +170,14 @@ class MachinePanel:
         x, y, z = robot.position
         return f"At ({x:.2f}, {y:.2f}, {z:.2f}) mm."
 
-    def _to_run(self, order: Callable[[RunHandle | JoinedRun], None]) -> None:
+    def _to_run(self, order: Callable[[RunHandle | JoinedRun], None], idle: str = "") -> None:
+        """Give a run an order; say ``idle`` where nothing runs."""
         try:
             run = self._robot.current_run if self._robot is not None else None
             if run is not None:
                 order(run)
+            elif idle:
+                self._words.content = idle
         except DuoglideError as error:
             self._say_error(error)
 
