@@ -45,9 +45,7 @@ class Robot(ConnectedMachine):
     def __init__(self, machine: Machine, connection: Connection) -> None:
         super().__init__(machine, connection)
         self._run: RunHandle | None = None
-        self._stops = self._stops_before = (
-            0  # how often stop() was called; before a run was asked for
-        )
+        self._stops = self._stops_before = 0  # calls of stop(); how many before a run was asked for
         self._number = 0
 
     @classmethod
