@@ -102,7 +102,7 @@ def measure(name: str, inject: Inject, folder: Path) -> str:
     what = report.faults[0].words if report.faults else ""
     cycles, away = _delay(log, rows), _deviation(trajectory, np.array(places))
     whole = "no" if log.missing else "yes"
-    return f"{name:<24}{reaction:<20}{cycles:>7}{away:>12.3f}   {whole:<5}{what[:60]}"
+    return f"{name:<24}{reaction:<20}{cycles:>7}{away:>12.3f}   {whole:<5}{what}"
 
 
 def _reaction(rows: list[tuple[float, CycleRecord]]) -> str:

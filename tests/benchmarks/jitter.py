@@ -112,14 +112,23 @@ def draw(results: dict[str, np.ndarray], picture: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    axes = figure.add_subplot()
-    bins = np.geomspace(1.0, max(v.max() for v in results.values()) * 1.1, 120)
-    for name, values in results.items():
-        axes.hist(np.maximum(values, 1.0), bins, histtype="step", label=name)
-    axes.set(xscale="log", yscale="log", xlabel="lateness [us]", ylabel="cycles")
-    axes.set_title("How late cycles begin: the streamer and a C clock_nanosleep loop")
-    axes.legend()
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    bins = np.geomspace(10.0, max(v.max() for v in results.values()) * 1.1, 80)
+    settings = sorted({name.rpartition(": ")[0] for name in results})
+    for axes, setting in zip(panels.ravel(), settings, strict=True):
+        for who, colour in (("C", "0.55"), ("streamer", "#0072b2")):
+            values = np.maximum(results[f"{setting}: {who}"], bins[0])
+            axes.hist(values, bins, histtype="step", color=colour, linewidth=1.4, label=who)
+        axes.set_title(setting, fontsize=10)
+        axes.set(xscale="log", yscale="log")
+        axes.grid(alpha=0.3)
+    for axes in panels[1]:
+        axes.set_xlabel("lateness [us]")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("cycles")
+    panels[0, 0].legend()
+    figure.suptitle("How late cycles begin: the streamer and a C clock_nanosleep loop")
     figure.savefig(picture, dpi=120)
 
 
