@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from duoglide.motion.trajectory import Trajectory
 
 _LOOK = 0.1  # [s] between two looks how far it is
-_STOP_PATIENCE = 10.0  # [s]
 
 
 def run_with_progress(
@@ -26,19 +25,16 @@ def run_with_progress(
     Raises:
         DuoglideError: It cannot be run, or did not come to its end.
     """
+    from duoglide.control.handle import stopped_by_interrupt
     from duoglide.control.verdict import require_success
 
     handle = robot.start(trajectory, log=log, approach=approach, override=override)
-    try:
+    with stopped_by_interrupt(handle):
         with progress("streaming", trajectory.duration) as done:
             while not handle.done:
                 done(handle.status.path_time)
                 time.sleep(_LOOK)
         report = handle.wait()
-    except KeyboardInterrupt:
-        handle.stop()
-        handle.wait(_STOP_PATIENCE)
-        raise
     require_success(report)
     _require_end(report)
     return report

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -269,6 +270,17 @@ def require_override(override: object) -> float:
     return value
 
 
+@contextmanager
+def stopped_by_interrupt(handle: RunHandle) -> Iterator[None]:
+    """Let Ctrl-C stop a run along its path, before it goes on its way."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        handle.stop()
+        handle.wait(STOP_PATIENCE)
+        raise
+
+
 def wait_to_the_end(handle: RunHandle) -> RunReport:
     """Wait for a run; Ctrl-C stops it along its path.
 
@@ -276,11 +288,7 @@ def wait_to_the_end(handle: RunHandle) -> RunReport:
         DriveError: It has been stopped by what ``verdict`` names.
         BusError: The bus has failed, or the streamer is gone.
     """
-    try:
+    with stopped_by_interrupt(handle):
         report = handle.wait()
-    except KeyboardInterrupt:
-        handle.stop()
-        handle.wait(STOP_PATIENCE)
-        raise
     require_success(report)
     return report

@@ -10,6 +10,7 @@ distances h and 2 h with h = shape * min(before, after), and its span is 5 h.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -124,3 +125,25 @@ def nearest(coefficients: FloatArray, point: FloatArray) -> tuple[FloatArray, Fl
         u = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
     offset = ((u[:, None] ** _EXPONENTS[:6])[..., None] * shifted).sum(axis=1)
     return u, np.sqrt((offset * offset).sum(axis=1))
+
+
+Corner: TypeAlias = float | Blend  # a corner tolerance [mm], or how to round
+
+
+def as_corner(corner: Any) -> Corner:
+    """Return a corner's tolerance or blend.
+
+    Raises:
+        InputError: Not a number from 0 on.
+    """
+    if isinstance(corner, Blend):
+        return corner
+    number = as_number(corner, "tolerance [mm]")
+    if number < 0.0:
+        raise InputError(f"tolerance = {number:g} mm: must be 0 or above")
+    return number
+
+
+def turned(corner: Corner) -> Corner:
+    """Return the corner as the way back finds it."""
+    return corner.turned() if isinstance(corner, Blend) else corner

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from duoglide.arrays import as_number, as_triples
 from duoglide.errors import InputError
 from duoglide.motion.actions import Action, action_from_dict
-from duoglide.motion.blend import Blend
+from duoglide.motion.blend import Blend, Corner, as_corner, turned
 from duoglide.motion.path_segments import (
     COINCIDENT,
     Arc,
@@ -28,6 +28,7 @@ from duoglide.motion.path_segments import (
     Spline,
     as_point,
     as_speed,
+    backwards,
     distance,
     require_apart,
     segment_from_dict,
@@ -38,7 +39,6 @@ from duoglide.motion.path_segments import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Corner: TypeAlias = float | Blend
 _ARCH_REACH = 2.0  # how much further an arch bends along the way than upwards
 
 
@@ -66,7 +66,7 @@ class Path:
     def __post_init__(self) -> None:
         store = object.__setattr__
         store(self, "segments", tuple(self.segments))
-        store(self, "corners", tuple(_as_corner(corner) for corner in self.corners))
+        store(self, "corners", tuple(as_corner(corner) for corner in self.corners))
         store(self, "actions", tuple(sorted(self.actions, key=lambda item: item[0])))
         store(self, "tool_speed", as_speed(self.tool_speed, "tool_speed [mm/s]"))
         cap = as_speed(self.tool_acceleration, "tool_acceleration [mm/s^2]")
@@ -222,8 +222,8 @@ class Path:
         count = len(self.segments)
         return replace(
             self,
-            segments=tuple(_backwards(segment) for segment in self.segments[::-1]),
-            corners=tuple(_turned(corner) for corner in self.corners[::-1]),
+            segments=tuple(backwards(segment) for segment in self.segments[::-1]),
+            corners=tuple(turned(corner) for corner in self.corners[::-1]),
             actions=tuple((count - i, action) for i, action in self.actions),
         )
 
@@ -293,24 +293,3 @@ class Path:
     def __repr__(self) -> str:
         count = len(self.segments)
         return f"Path({show(self.start)} to {show(self.end)} mm, {count} segment{'s'[: count > 1]})"
-
-
-def _as_corner(corner: Any) -> Corner:
-    if isinstance(corner, Blend):
-        return corner
-    number = as_number(corner, "tolerance [mm]")
-    if number < 0.0:
-        raise InputError(f"tolerance = {number:g} mm: must be 0 or above")
-    return number
-
-
-def _turned(corner: Corner) -> Corner:
-    return corner.turned() if isinstance(corner, Blend) else corner
-
-
-def _backwards(segment: Segment) -> Segment:
-    if isinstance(segment, Line):
-        return Line(segment.end, segment.start, segment.speed)
-    if isinstance(segment, Arc):
-        return Arc(segment.end, segment.via, segment.start, segment.speed)
-    return Spline(segment.through[::-1], segment.speed)

@@ -211,6 +211,15 @@ def require_apart(points: FloatArray) -> None:
         )
 
 
+def backwards(segment: Segment) -> Segment:
+    """Return the segment from its end to its start."""
+    if isinstance(segment, Line):
+        return Line(segment.end, segment.start, segment.speed)
+    if isinstance(segment, Arc):
+        return Arc(segment.end, segment.via, segment.start, segment.speed)
+    return Spline(segment.through[::-1], segment.speed)
+
+
 def segment_to_dict(segment: Segment) -> dict[str, Any]:
     """Return ``segment`` as plain values, its kind under ``"type"``."""
     if isinstance(segment, Spline):

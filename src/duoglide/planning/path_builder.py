@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 from duoglide.errors import InputError
 from duoglide.motion.actions import Action
-from duoglide.motion.path import Corner, Path
+from duoglide.motion.blend import Corner
+from duoglide.motion.path import Path
 from duoglide.motion.path_segments import COINCIDENT, Point, Segment, distance, show
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from duoglide.errors import DuoglideError, PathError
 from duoglide.machine import Machine
 from duoglide.motion.actions import needs_rest
-from duoglide.motion.blend import Blend
+from duoglide.motion.blend import Blend, Corner
 from duoglide.motion.blending import round_corners
-from duoglide.motion.path import Corner, Path
+from duoglide.motion.path import Path
 from duoglide.motion.path_segments import COINCIDENT, Segment, distance, show
 from duoglide.planning.blends import choose_blends
 from duoglide.planning.program_windows import STRAIGHT

@@ -9,10 +9,10 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import Machine
-from duoglide.motion.blend import Blend
+from duoglide.motion.blend import Blend, Corner
 from duoglide.motion.blending import RoundedPath
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
-from duoglide.motion.path import Corner, Path
+from duoglide.motion.path import Path
 from duoglide.motion.path_segments import COINCIDENT, Line, Point, as_point, distance
 from duoglide.motion.profile import SIGMA, SPEED, TIME, Profile
 from duoglide.motion.trajectory import Trajectory

@@ -2,7 +2,7 @@
 
 Why not toppra's motion, which is closer to the optimum? Its acceleration jumps at rest, which no
 retiming takes away: it must be smoothed first, and is then slower to begin from. Measured in
-``tests/benchmarks/planner.py``: the motions come out some 0.4 % longer, after 1.3 times the time.
+``tests/benchmarks/planner.py``: the motions come out some 0.5 % longer, after 1.4 times the time.
 toppra gives the bound from below (``motion/lower_bound.py``).
 """
 
