@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from duoglide.arrays import AXES
 from duoglide.control.connection import Connection, bring_up
 from duoglide.control.happenings import trip_of
 from duoglide.control.orders import Command, Happening
@@ -227,11 +228,15 @@ class Drivetrain:
         """
         monitor = self._connection.monitor
         mark = monitor.mark
+        heard = [self.latest.cycle] * AXES
+        patience = self.machine.drives.heartbeat_timeout / self.machine.drives.cycle
         self._connection.process.order(Command.POWER, power)
 
         def reached(entry: CycleEntry) -> bool:
             states = [decode(word) for word in entry.statusword]
-            silent = [power is Power.OFF and entry.missing >> i & 1 for i in range(len(states))]
+            for i in range(AXES):  # one late answer is no silence
+                heard[i] = heard[i] if entry.missing >> i & 1 else entry.cycle
+            silent = [power is Power.OFF and entry.cycle - last > patience for last in heard]
             arrived = [s in goals or gone for s, gone in zip(states, silent, strict=True)]
             return entry.power == power and all(arrived)
 
