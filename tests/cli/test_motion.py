@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import subprocess
@@ -16,6 +17,7 @@ import pytest
 import duoglide as dg
 from duoglide.cli.main import run
 from duoglide.storage import EventKind, Topic, read_log
+from duoglide.viewer.join import JoinedRobot, find
 
 DBC = Path(__file__).parents[2] / "firmware_interface" / "linear_axis.dbc"
 
@@ -81,6 +83,38 @@ def test_away_from_the_start_it_is_refused_and_no_log_is_left(
     assert run(["stream", "plan.mcap", "--log", "refused.mcap"]) == 1
     assert "--approach" in capsys.readouterr().err.splitlines()[-1]
     assert not list(folder.glob("*refused*"))
+
+
+def test_a_replay_is_watched_slowed_and_stopped_by_another_program(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    assert run(["stream", "plan.mcap", "--log", "joined.mcap", "--approach"]) == 0
+    capsys.readouterr()
+    words = ["replay", "joined.mcap", "--approach", "--override", "2"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "duoglide.cli", *words], stderr=subprocess.PIPE, text=True
+    ) as process:
+        robot = joined(process.pid)
+        assert robot.current_run is not None
+        robot.current_run.set_override(0.5)
+        assert robot.current_run.status.override == 0.5
+        robot.stop()
+        _, errors = process.communicate(timeout=30.0)
+    assert process.returncode == 1
+    assert "the run ended at path time" in errors.splitlines()[-1]
+
+
+def joined(pid: int) -> JoinedRobot:
+    """Join a program as soon as it moves."""
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        with contextlib.suppress(dg.BusError):
+            robot = JoinedRobot(find(pid))
+            if robot.current_run is not None:
+                return robot
+        time.sleep(0.05)
+    raise TimeoutError(f"nothing to join in process {pid}")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

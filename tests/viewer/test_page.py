@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.control.handle import RunStatus
+from duoglide.control.motion import MotionState
+from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot
 from duoglide.viewer.page import Page
 from duoglide.viewer.share import share
@@ -124,6 +130,22 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     wait_for(tab, "stopped at path time")
     tab.screenshot(path=str(tmp_path / "page.png"))
     assert log.stat().st_size > 1000
+
+
+def test_the_override_is_the_one_that_another_page_has_chosen(browser: Any) -> None:
+    status = RunStatus(MotionState.RUNNING, 0.1, 0.5, (0.0, 1.0, 2.0), (0.0, 0.0, 0.0), 9.0, 0.5)
+    run = SimpleNamespace(status=status)
+    robot: Any = SimpleNamespace(
+        machine=PATIENT, bus="virtual", homed=False, states=(State.OPERATION_ENABLED,) * 3,
+        carriages=np.zeros(3), current_run=run, stop=lambda: None,
+    )  # fmt: skip
+    with share(robot) as path, Page(PATIENT, drives=JoinedRobot(path), port=0) as page:
+        tab = visit(browser, page)
+        slider = tab.locator("input:visible").last.element_handle()
+        for percent in (50, 20):
+            run.status = replace(status, override=0.01 * percent)
+            tab.wait_for_function("([input, text]) => input.value == text", arg=[slider, percent])
+        tab.close()
 
 
 def test_a_run_that_somebody_else_started_is_stopped_from_the_page() -> None:

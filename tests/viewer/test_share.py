@@ -19,7 +19,7 @@ from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot, find
 from duoglide.viewer.share import meeting_place, share
 
-STATUS = RunStatus(MotionState.HELD, 0.25, 0.5, (1.0, 2.0, 3.0), (0.1, -0.2, 0.3), 45.0)
+STATUS = RunStatus(MotionState.HELD, 0.25, 0.5, (1.0, 2.0, 3.0), (0.1, -0.2, 0.3), 45.0, 0.6)
 
 
 class Run:
@@ -71,7 +71,7 @@ def test_a_joined_machine_shows_what_its_owner_sees(robot: Any) -> None:
         run = joined.current_run
         assert run is not None
         assert run.status.state is MotionState.HELD
-        assert run.status.lateness == STATUS.lateness
+        assert (run.status.lateness, run.status.override) == (STATUS.lateness, STATUS.override)
         robot.current_run = None
         assert joined.current_run is None
 
@@ -111,7 +111,9 @@ def test_what_a_killed_program_leaves_behind_is_nobody() -> None:
     folder = meeting_place()
     code = "import socket, sys; s = socket.socket(socket.AF_UNIX); s.bind(sys.argv[1]); s.listen()"
     subprocess.run([sys.executable, "-c", code, str(folder / "7.sock")], check=True, timeout=60)
-    with pytest.raises(dg.BusError, match=r"no program shares a machine; duoglide stream does"):
+    with pytest.raises(
+        dg.BusError, match=r"no program shares a machine; a duoglide stream, replay"
+    ):
         find()
     assert not list(folder.iterdir())
 

@@ -40,6 +40,7 @@ class RunStatus:
         carriages: Where they are [mm].
         following_error: Of each carriage [mm].
         lateness: How long after its deadline the newest cycle began [us].
+        override: The rate that is asked for, 0 to 1, whoever has asked last.
     """
 
     state: MotionState
@@ -48,6 +49,7 @@ class RunStatus:
     carriages: Triple
     following_error: Triple
     lateness: float
+    override: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +207,7 @@ class RunHandle:
             carriages=scales.mm(entry.actual),
             following_error=scales.mm(entry.following),
             lateness=entry.lateness * 1e-3,
+            override=self._override,
         )
 
     def wait(self, timeout: float | None = None) -> RunReport:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,22 @@ from duoglide.storage import Document, read_log
 if TYPE_CHECKING:
     from duoglide.control.report import RunReport
     from duoglide.machine import Machine
+    from duoglide.motion.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Rerun:
+    """A recorded run, checked again and ready to be streamed.
+
+    Attributes:
+        machine: Who shall follow it.
+        trajectory: What.
+        approach: Whether it may move to the start first.
+    """
+
+    machine: Machine
+    trajectory: Trajectory
+    approach: bool
 
 
 def replay(
@@ -45,11 +62,31 @@ def replay(
         BusError: No such bus.
         DriveError: A drive refuses; also where the machine is not at the start of the run.
     """
+    again = prepare(run, machine, log=log, approach=approach, override=override)
+    from duoglide.control.robot import Robot
+
+    with Robot.connect(again.machine, bus=bus) as robot:
+        robot.enable()
+        robot.home()
+        return robot.run(again.trajectory, log=log, approach=again.approach)
+
+
+def prepare(
+    run: str | Path,
+    machine: Machine | None = None,
+    *,
+    log: str | Path | None = None,
+    approach: bool = False,
+    override: float | None = None,
+) -> Rerun:
+    """Rebuild a recorded run and check it again.
+
+    Takes what ``replay`` does, and raises what that raises before it connects.
+    """
     source = Path(run)
     if log is not None and Path(log).resolve() == source.resolve():
         raise LogError(f"{source}: the new log must not take the place of the run that is replayed")
     recording = read_log(source)
-    approach = approach or Document.APPROACH in recording.documents
     recorded = rebuild(recording)
     described = machine if machine is not None else recorded.plan.machine
     if override is None and not recorded.at_full_speed:
@@ -57,12 +94,7 @@ def replay(
     else:
         share = 1.0 if override is None else require_share(override)
         trajectory = recheck(described, slowed(recorded.plan, share), share)
-    from duoglide.control.robot import Robot
-
-    with Robot.connect(described, bus=bus) as robot:
-        robot.enable()
-        robot.home()
-        return robot.run(trajectory, log=log, approach=approach)
+    return Rerun(described, trajectory, approach or Document.APPROACH in recording.documents)
 
 
 def require_share(override: float) -> float:

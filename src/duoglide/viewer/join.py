@@ -35,7 +35,8 @@ def find(pid: int | None = None) -> Path:
     if pid is not None:
         found = [path for path in found if path.stem == str(pid)]
     if not found:
-        known = f"these do: {numbers}" if numbers else "duoglide stream does while it runs"
+        runs = "a duoglide stream, replay or demo does while it runs"
+        known = f"these do: {numbers}" if numbers else runs
         who = f"process {pid} shares none" if pid is not None else "no program shares a machine"
         raise BusError(f"{who}; {known}")
     if len(found) > 1:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from duoglide.control.handle import RunHandle
+from duoglide.control.handle import RunHandle, RunStatus
 from duoglide.control.robot import Robot
 from duoglide.errors import DuoglideError
 from duoglide.viewer.join import JoinedRobot, JoinedRun
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 _IDLE = "Nothing runs."
 _REFRESH = 0.1  # [s] between two looks at the machine
+_UNTOUCHED = 1.0  # [s] after which the override follows what others make of it
 _JOGS = {"-x": (0, -1.0), "+x": (0, 1.0), "-y": (1, -1.0), "+y": (1, 1.0), "-z": (2, -1.0)}
 _JOGS["+z"] = (2, 1.0)
 
@@ -52,6 +54,7 @@ class MachinePanel:
         bus = drives if isinstance(drives, str) else drives.bus
         self._one_command = threading.Lock()
         self._closed = threading.Event()
+        self._touched = -_UNTOUCHED  # when the override was last moved here [s], monotonic
         self._add_operator()
         self._bus = self._gui.add_text("Bus", bus)
         self._button("Connect", self._connect)
@@ -186,6 +189,7 @@ class MachinePanel:
 
     def _overridden(self, event: Any) -> None:
         if event.client is not None:
+            self._touched = time.monotonic()
             self._to_run(lambda handle: handle.set_override(self._override.value / 100.0))
 
     # Looking
@@ -197,14 +201,24 @@ class MachinePanel:
             if robot is None:
                 continue
             try:
-                self._state.content = _describe(robot, robot.current_run)
+                status = run.status if (run := robot.current_run) is not None else None
+                self._state.content = _describe(robot, status)
+                if status is not None:
+                    self._follow_override(status.override)
                 if robot.homed:
                     self._pose.follow(robot.position)
             except DuoglideError as error:
                 self._state.content = f"**{type(error).__name__}.** {error}"
 
+    def _follow_override(self, override: float) -> None:
+        """Show the override that another page or program has chosen, not under a moving hand."""
+        percent = round(100.0 * override)
+        untouched = time.monotonic() - self._touched > _UNTOUCHED
+        if untouched and round(self._override.value) != percent:
+            self._override.value = percent
 
-def _describe(robot: Robot | JoinedRobot, handle: RunHandle | JoinedRun | None) -> str:
+
+def _describe(robot: Robot | JoinedRobot, status: RunStatus | None) -> str:
     """Return the machine's state in Markdown."""
     rows = [
         f"| {number} | {state.name.replace('_', ' ').lower()} | {place:.3f} |"
@@ -213,9 +227,8 @@ def _describe(robot: Robot | JoinedRobot, handle: RunHandle | JoinedRun | None) 
         )
     ]
     table = "| axis | drive | mm |\n|---|---|---|\n" + "\n".join(rows)
-    if handle is None:
+    if status is None:
         return table
-    status = handle.status
     worst = max(abs(error) for error in status.following_error)
     return (
         f"**{status.state.name.lower()}** at {status.path_time:.3f} s, rate {status.rate:.2f}, "

@@ -129,6 +129,7 @@ def _status(run: RunHandle) -> dict[str, Any]:
         "carriages": status.carriages,
         "following_error": status.following_error,
         "lateness": status.lateness,
+        "override": status.override,
     }
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -14,6 +13,7 @@ import typer
 from duoglide.cli.console import complain, percent, progress, say, say_facts, say_json, working
 from duoglide.cli.motion import run_facts, run_with_progress
 from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.powered import under_power
 from duoglide.errors import BusError, DriveError
 
 if TYPE_CHECKING:
@@ -120,27 +120,24 @@ def _plan(machine: Machine) -> Trajectory:
 
 
 def _stream(machine: Machine, trajectory: Trajectory, log: Path) -> RunReport:
-    from duoglide.control.robot import Robot
-
-    with ExitStack() as resources:
-        with working("bringing up three simulated drives"):
-            robot = resources.enter_context(Robot.connect(machine))
-            robot.enable()
-            robot.home()
+    with under_power(machine, "virtual", "bringing up three simulated drives") as robot:
         return run_with_progress(robot, trajectory, log=log, approach=True, override=1.0)
 
 
 def _replay(machine: Machine, run: Path) -> Comparison:
     """Stream the recorded run again and compare what was sent."""
     from duoglide.playback.compare import compare
-    from duoglide.playback.replay import replay
+    from duoglide.playback.replay import prepare
     from duoglide.playback.run_data import read_run
     from duoglide.storage import read_log
 
-    with working("replaying"), tempfile.TemporaryDirectory() as folder:
-        again = Path(folder) / "again.mcap"
-        replay(run, machine, log=again, approach=True)
-        return compare(read_run(read_log(run)), read_run(read_log(again)))
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "again.mcap"
+        with working("checking the recorded run"):
+            again = prepare(run, machine, log=log, approach=True)
+        with under_power(machine, "virtual", "bringing them up again") as robot:
+            run_with_progress(robot, again.trajectory, log=log, approach=True, override=1.0)
+        return compare(read_run(read_log(run)), read_run(read_log(log)))
 
 
 def _draw(trajectory: Trajectory, files: _Files) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from duoglide.cli.console import say, say_json, working
-from duoglide.cli.motion import finish
+from duoglide.cli.motion import finish, run_with_progress
 from duoglide.cli.options import (
     Approach,
     Bus,
@@ -18,6 +18,7 @@ from duoglide.cli.options import (
     override_factor,
 )
 from duoglide.cli.outputs import require_place
+from duoglide.cli.powered import View, page_beside, under_power
 from duoglide.errors import InputError
 
 _EXAMPLE = """\
@@ -50,6 +51,7 @@ def replay(
         ),
     ] = None,
     approach: Approach = False,
+    view: View = None,
     machine: MachineFile = None,
     as_json: Json = False,
 ) -> None:
@@ -62,11 +64,15 @@ def replay(
     if run.suffix == ".log":
         _play(run, bus, as_json)
         return
-    from duoglide.playback.replay import replay as run_again
+    from duoglide.playback.replay import prepare
 
     described = load_machine(machine) if machine is not None else None
-    with working("replaying"):
-        report = run_again(run, described, bus=bus, log=log, approach=approach, override=factor)
+    with working("checking"):
+        again = prepare(run, described, log=log, approach=approach, override=factor)
+    with under_power(again.machine, bus) as robot, page_beside(robot, run, view):
+        report = run_with_progress(
+            robot, again.trajectory, log=log, approach=again.approach, override=1.0
+        )
     finish(report, log, as_json)
 
 

@@ -42,11 +42,13 @@ def view(
     ),
     join: Annotated[
         bool,
-        typer.Option("--join", help="Watch and stop what duoglide stream moves, on this computer."),
+        typer.Option(
+            "--join", help="Watch and stop a stream, replay or demo of yours on this computer."
+        ),
     ] = False,
     pid: Annotated[
         int | None,
-        typer.Option("--pid", metavar="NUMBER", help="Join that process, where several stream."),
+        typer.Option("--pid", metavar="NUMBER", help="Join that process, where several run."),
     ] = None,
     machine: MachineFile = None,
 ) -> None:

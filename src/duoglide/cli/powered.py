@@ -1,0 +1,78 @@
+"""What ``stream``, ``replay`` and ``demo`` share: a machine under power that pages may join."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import typer
+
+from duoglide.cli.console import complain, working
+from duoglide.errors import BusError
+
+if TYPE_CHECKING:
+    from duoglide.control.robot import Robot
+    from duoglide.machine import Machine
+
+View: TypeAlias = Annotated[
+    int | None,
+    typer.Option("--view", metavar="PORT", min=0, max=65535, help="Serve the live page there."),
+]
+
+
+@contextmanager
+def under_power(machine: Machine, bus: str, doing: str = "homing") -> Iterator[Robot]:
+    """Connect a machine, enable and home it, and let ``duoglide view --join`` in.
+
+    Args:
+        machine: The machine.
+        bus: Name of the bus.
+        doing: What stderr says meanwhile.
+
+    Raises:
+        DuoglideError: It does not come up.
+    """
+    from duoglide.control.robot import Robot
+
+    with ExitStack() as resources:
+        with working(doing):
+            robot = resources.enter_context(Robot.connect(machine, bus=bus))
+            robot.enable()
+            robot.home()
+        with _shared(robot):
+            yield robot
+
+
+@contextmanager
+def page_beside(robot: Robot, file: Path, port: int | None) -> Iterator[None]:
+    """Serve the live page beside a run, if it is asked for.
+
+    Args:
+        robot: The machine.
+        file: The plan or run that the page opens with.
+        port: Where; None for no page.
+    """
+    if port is None:
+        yield
+        return
+    from duoglide.viewer.page import Page
+
+    with Page(robot.machine, file=file, drives=robot, port=port) as page:
+        print(page.address, file=sys.stderr, flush=True)
+        yield
+
+
+@contextmanager
+def _shared(robot: Robot) -> Iterator[None]:
+    """Let other programs join; where that cannot be, the run goes on without."""
+    from duoglide.viewer.share import share
+
+    with ExitStack() as resources:
+        try:
+            resources.enter_context(share(robot))
+        except BusError as error:
+            complain(f"warning: {error}", 0)
+        yield
