@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import duoglide as dg
 from duoglide.playback.compare import compare
-from duoglide.playback.run_data import read_run
 from duoglide.storage import read_log
 
 machine = dg.Machine.default()
@@ -20,8 +19,8 @@ with dg.Robot.connect(machine) as robot:
     robot.run(trajectory, log="run.mcap", approach=True)
 
 dg.replay("run.mcap", machine, log="again.mcap", approach=True)
-result = compare(read_run(read_log("run.mcap")), read_run(read_log("again.mcap")))
-print(result)
+result = compare(read_log("run.mcap"), read_log("again.mcap"))
+print(f"{result.common} cycles, and setpoints that differ by {max(result.setpoint)} increments")
 assert result.same_setpoints
 
 slower = replace(machine, limits=dg.CarriageLimits(velocity=1000.0))

@@ -5,7 +5,6 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from mcap.reader import make_reader
 import duoglide as dg
 from duoglide.playback.candump import Frame, frames_of, play, read_candump, write_candump
 from duoglide.playback.columns import platform
-from duoglide.playback.compare import compare
 from duoglide.playback.foxglove import write_foxglove
 from duoglide.playback.run_data import read_run
 from duoglide.playback.summary import summarise
@@ -172,31 +170,6 @@ def test_the_foxglove_export_has_every_derived_topic(run_log: Path, tmp_path: Pa
     by_topic = {channel.topic: json.loads(message.data) for _, channel, message in messages}
     assert by_topic["/drives"]["state_1"] == "operation_enabled"
     assert by_topic["/margins"]["clearance_mm"] > 2.0
-
-
-def test_a_run_is_the_same_as_itself_and_another_is_not(
-    write_run: WriteRun, at_full_speed: Pace, paced: Callable[[dict[int, float]], Pace]
-) -> None:
-    one = read_run(read_log(write_run(at_full_speed)))
-    assert compare(one, one).same_setpoints
-    other = read_run(read_log(write_run(paced({30: 0.9}))))
-    result = compare(one, other)
-    assert not result.same_setpoints
-    assert result.first >= 30
-    assert result.cycles[0] < result.cycles[1]
-
-
-def test_an_answer_that_did_not_come_is_no_difference(
-    write_run: WriteRun, at_full_speed: Pace
-) -> None:
-    one = read_run(read_log(write_run(at_full_speed)))
-    row = len(one) // 2
-    actual, missing = one.actual.copy(), one.missing.copy()
-    actual[row] += 5000
-    assert max(compare(one, replace(one, actual=actual)).actual) == pytest.approx(5.0)
-    missing[row] = 0b111
-    other = replace(one, actual=actual, missing=missing)
-    assert compare(one, other).actual == compare(other, one).actual == (0.0, 0.0, 0.0)
 
 
 def test_a_plan_has_no_frames_and_no_cycles(trajectory: dg.Trajectory, tmp_path: Path) -> None:

@@ -1,4 +1,9 @@
-"""Two runs side by side: where their setpoints and their carriages differ."""
+"""Two runs side by side: where their setpoints differ, and how each was followed.
+
+Runs of one path need not have one pace: an override, a hold or a slower replay streams the same
+setpoints at other times. So each run's setpoints are held against the other's path at the same
+place on it; runs of different paths are compared at equal path time.
+"""
 
 from __future__ import annotations
 
@@ -7,74 +12,224 @@ from typing import Any
 
 import numpy as np
 
-from duoglide.arrays import AXES
+from duoglide.arrays import AXES, FloatArray
+from duoglide.control.scale import Scales
 from duoglide.errors import LogError
-from duoglide.playback.run_data import IntArray, RunData
+from duoglide.motion.trajectory import Trajectory
+from duoglide.playback.rebuild import plan_of
+from duoglide.playback.run_data import SETPOINT_DELAY, IntArray, RunData, read_run
+from duoglide.playback.summary import Lateness, summarise_run
+from duoglide.storage import Log
+
+_SAME = 1e-9  # [mm] between two paths that are one
+_PLACES = 200  # where two paths are looked at
+_STEADY = 10  # cycles that a pace must last to be told
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Streamed:
+    """A run and what it was to be.
+
+    Attributes:
+        plan: The trajectory of its log.
+        data: Its cycles.
+    """
+
+    plan: Trajectory
+    data: RunData
+
+    @classmethod
+    def of(cls, log: Log) -> Streamed:
+        """Read a run.
+
+        Raises:
+            LogError: Not a run, or it does not hold its plan or its machine.
+        """
+        return cls(plan=plan_of(log), data=read_run(log))
+
+    def rows(self) -> IntArray:
+        """Return the cycles on the program.
+
+        Raises:
+            LogError: There are none.
+        """
+        rows: IntArray = np.flatnonzero(self.data.on_program)
+        if len(rows) == 0:
+            raise LogError("a run without a cycle on its program cannot be compared")
+        return rows
+
+    def places(self, rows: IntArray) -> FloatArray:
+        """Return where on the path some cycles were [path parameter]."""
+        places: FloatArray = self.plan.profile.at(self.data.path_time[rows])[..., 0]
+        return places
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSide:
+    """One of two runs.
+
+    Attributes:
+        cycles: How many it has on its program.
+        planned: Duration of its plan [s].
+        duration: From its first cycle on the program to the last [s].
+        path_time: How far along its plan it came [s].
+        paces: Rates that lasted for ten cycles or more, in their order; 1 is the plan's own, and 0
+            is a hold.
+        following_error: Worst of each carriage, over the whole run [mm].
+        lateness: How late its cycles began.
+    """
+
+    cycles: int
+    planned: float
+    duration: float
+    path_time: float
+    paces: tuple[float, ...]
+    following_error: tuple[float, ...]
+    lateness: Lateness
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """How two runs of one trajectory differ, cycle by cycle.
+    """How two runs differ.
 
     Attributes:
-        cycles: How many cycles on the program each has.
-        common: How many were compared: those that neither run left out for being late.
-        setpoint: Worst difference of setpoints per carriage [increments].
-        actual: Worst difference of actual positions per carriage [mm], where both answered.
-        path_time: Worst difference of path time [s].
-        first: Number of the first cycle on the program whose setpoints differ; -1 for none.
+        runs: The two by themselves.
+        same_path: Whether their carriages go along the same curve.
+        setpoint: Worst difference of setpoints per carriage [increments]: at equal places of the
+            path; where there are two paths, at equal path time.
+        first: The first cycle of the other run's program whose setpoint differs, counted from 0; -1
+            for none.
+        actual: Worst difference of actual positions per carriage there [mm], where both answered.
+        common: Cycles on the program that both have, by their number.
+        path_time: Worst difference of path time between those [s].
     """
 
-    cycles: tuple[int, int]
-    common: int
+    runs: tuple[RunSide, RunSide]
+    same_path: bool
     setpoint: tuple[int, ...]
-    actual: tuple[float, ...]
-    path_time: float
     first: int
+    actual: tuple[float, ...]
+    common: int
+    path_time: float
 
     @property
     def same_setpoints(self) -> bool:
-        """Whether every setpoint that both have is the same, bit for bit."""
-        return self.first < 0
+        """Whether every setpoint of each run is that of the other's path, bit for bit."""
+        return not any(self.setpoint)
+
+    @property
+    def same_pace(self) -> bool:
+        """Whether each cycle that both have was at the same path time, bit for bit."""
+        return self.path_time == 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {**asdict(self), "same_setpoints": self.same_setpoints}
+        return {
+            "same_setpoints": self.same_setpoints,
+            "same_pace": self.same_pace,
+            **asdict(self),
+            "cycles": [run.cycles for run in self.runs],
+        }
 
 
-def compare(one: RunData, other: RunData) -> Comparison:
-    """Compare the setpoints on the program of two runs, and what the carriages made of them.
+def compare(one: Log, other: Log) -> Comparison:
+    """Compare two runs: their setpoints, their pace, and what the carriages made of them.
 
     Raises:
-        LogError: A run has no cycle on its program.
+        LogError: One is no run, holds no plan, or has no cycle on its program.
     """
-    rows = [_program_rows(data) for data in (one, other)]
-    numbers = [d.cycle[r] - d.cycle[r[0]] for d, r in zip((one, other), rows, strict=True)]
+    return compare_streamed(Streamed.of(one), Streamed.of(other))
+
+
+def compare_streamed(one: Streamed, other: Streamed) -> Comparison:
+    """Do what ``compare`` does, for runs that have been read."""
+    a, b = one.rows(), other.rows()
+    same_path = _same_path(one.plan, other.plan)
+    there = _setpoint_difference(other, b, one.plan, same_path)
+    back = _setpoint_difference(one, a, other.plan, same_path)
+    different = np.flatnonzero(there.any(axis=1))
+    numbers = (
+        one.data.cycle[a] - one.data.cycle[a[0]],
+        other.data.cycle[b] - other.data.cycle[b[0]],
+    )
     common, in_one, in_other = np.intersect1d(*numbers, return_indices=True)
-    a, b = rows[0][in_one], rows[1][in_other]
-    setpoint = np.abs(one.setpoint[a] - other.setpoint[b])
-    different = np.flatnonzero(setpoint.any(axis=1))
+    apart = one.data.path_time[a[in_one]] - other.data.path_time[b[in_other]]
     return Comparison(
-        cycles=(len(rows[0]), len(rows[1])),
+        runs=(_side(one, a), _side(other, b)),
+        same_path=same_path,
+        setpoint=tuple(np.maximum(there.max(axis=0), back.max(axis=0)).tolist()),
+        first=int(numbers[1][different[0]]) if len(different) else -1,
+        actual=_actual_difference(one, a, other, b, same_path),
         common=len(common),
-        setpoint=tuple(int(worst) for worst in setpoint.max(axis=0)),
-        actual=_worst_actual(one, a, other, b),
-        path_time=float(np.abs(one.path_time[a] - other.path_time[b]).max()),
-        first=int(common[different[0]]) if len(different) else -1,
+        path_time=float(np.abs(apart).max()),
     )
 
 
-def _worst_actual(one: RunData, a: IntArray, other: RunData, b: IntArray) -> tuple[float, ...]:
-    """Return the worst difference of each carriage in rows where both runs have its answer [mm]."""
-    difference = np.abs(one.actual_mm[a] - other.actual_mm[b])
-    missing = one.missing[a] | other.missing[b]
+def _side(run: Streamed, rows: IntArray) -> RunSide:
+    data, summary = run.data, summarise_run(run.data)
+    return RunSide(
+        cycles=len(rows),
+        planned=run.plan.duration,
+        duration=float(data.time[rows[-1]] - data.time[rows[0]]),
+        path_time=float(data.path_time[rows].max()),
+        paces=_paces(data.rate[rows]),
+        following_error=summary.following_error,
+        lateness=summary.lateness,
+    )
+
+
+def _paces(rate: FloatArray) -> tuple[float, ...]:
+    """Return the rates that lasted, in their order."""
+    rounded = np.round(rate, 4)
+    ends = np.append(np.flatnonzero(np.diff(rounded)), len(rounded) - 1)
+    lasted = np.diff(ends, prepend=-1) >= _STEADY
+    return tuple(rounded[ends[lasted]].tolist())
+
+
+def _same_path(one: Trajectory, other: Trajectory) -> bool:
+    """Whether the carriages go along one curve, as far as both plans go."""
+    places = np.linspace(0.0, min(one.profile.end, other.profile.end), _PLACES)
+    apart = one.path.derivatives(places)[..., 0, :] - other.path.derivatives(places)[..., 0, :]
+    return bool(np.abs(apart).max() < _SAME)
+
+
+def _setpoint_difference(run: Streamed, rows: IntArray, plan: Trajectory, same: bool) -> IntArray:
+    """Return how far the setpoints of a run are from another plan [increments], shape (n, 3)."""
+    if same:
+        carriages = plan.path.derivatives(run.places(rows))[..., 0, :]
+    else:
+        carriages = plan.at(run.data.path_time[rows]).carriages
+    due = Scales.of(run.data.machine.drives).increments(carriages)
+    difference: IntArray = np.abs(due - run.data.setpoint[rows])
+    return difference
+
+
+def _actual_difference(
+    one: Streamed, a: IntArray, other: Streamed, b: IntArray, same: bool
+) -> tuple[float, ...]:
+    """Return the worst difference of each carriage where both runs have its answer [mm]."""
+    (x, mine), (y, theirs) = _tracked(one, a, same), _tracked(other, b, same)
+    inside = (x >= y[0]) & (x <= y[-1])
+    worst = []
     for axis in range(AXES):
-        difference[(missing >> axis) & 1 == 1, axis] = 0.0
-    return tuple(float(worst) for worst in difference.max(axis=0, initial=0.0))
+        apart = np.abs(mine[inside, axis] - np.interp(x[inside], y, theirs[:, axis]))
+        worst.append(float(np.nanmax(apart, initial=0.0)))
+    return tuple(worst)
 
 
-def _program_rows(data: RunData) -> IntArray:
-    rows: IntArray = np.flatnonzero(data.on_program)
-    if len(rows) == 0:
-        raise LogError("a run without a cycle on its program cannot be compared")
-    return rows
+def _tracked(run: Streamed, rows: IntArray, same: bool) -> tuple[FloatArray, FloatArray]:
+    """Return where each setpoint was, and the carriages when they should have reached it [mm].
+
+    On the same path the setpoint is taken off: both runs have it there. NaN where the drive did not
+    answer. A setpoint that is repeated in a hold counts once.
+    """
+    data = run.data
+    row = np.searchsorted(data.cycle, data.cycle[rows] + SETPOINT_DELAY)
+    answered = np.minimum(row, len(data) - 1)
+    carriages = data.following_error[answered]
+    carriages[data.cycle[answered] != data.cycle[rows] + SETPOINT_DELAY] = np.nan
+    way = run.places(rows)
+    if not same:
+        way, carriages = data.path_time[rows], carriages + data.setpoint_mm[rows]
+    fresh = np.diff(way, prepend=-np.inf) > 0.0
+    return way[fresh], carriages[fresh]

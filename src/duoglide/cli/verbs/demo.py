@@ -128,7 +128,6 @@ def _replay(machine: Machine, run: Path) -> Comparison:
     """Stream the recorded run again and compare what was sent."""
     from duoglide.playback.compare import compare
     from duoglide.playback.replay import prepare
-    from duoglide.playback.run_data import read_run
     from duoglide.storage import read_log
 
     with tempfile.TemporaryDirectory() as folder:
@@ -137,7 +136,7 @@ def _replay(machine: Machine, run: Path) -> Comparison:
             again = prepare(run, machine, log=log, approach=True)
         with under_power(machine, "virtual", "bringing them up again") as robot:
             run_with_progress(robot, again.trajectory, log=log, approach=True, override=1.0)
-        return compare(read_run(read_log(run)), read_run(read_log(log)))
+        return compare(read_log(run), read_log(log))
 
 
 def _draw(trajectory: Trajectory, files: _Files) -> None:

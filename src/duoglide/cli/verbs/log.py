@@ -13,7 +13,7 @@ from duoglide.cli.options import Json
 from duoglide.cli.outputs import require_picture, require_place
 
 if TYPE_CHECKING:
-    from duoglide.playback.compare import Comparison
+    from duoglide.playback.compare import Comparison, RunSide
     from duoglide.playback.summary import LogSummary, RunSummary
     from duoglide.storage import Log
 
@@ -168,25 +168,50 @@ def _run_facts(run: RunSummary) -> list[tuple[str, str]]:
 
 def _compare(opened: Log, other: Path, as_json: bool) -> None:
     from duoglide.playback.compare import compare
-    from duoglide.playback.run_data import read_run
     from duoglide.storage import read_log
 
-    result = compare(read_run(opened), read_run(read_log(other)))
+    with working("comparing"):
+        result = compare(opened, read_log(other))
     if as_json:
         say_json(result.to_dict())
         return
     say(f"{opened.path} and {other}: {_verdict(result)}")
     say_facts(
         [
-            ("cycles on the program", f"{result.cycles[0]} and {result.cycles[1]}"),
             ("worst setpoint difference", f"{triple(result.setpoint, 0)} increments"),
             ("worst position difference", f"{triple(result.actual, 3)} mm"),
-            ("worst path time difference", f"{result.path_time:.6g} s"),
+            *_side_by_side(result, str(opened.path), str(other)),
         ]
     )
 
 
 def _verdict(result: Comparison) -> str:
+    pace = "at the same pace" if result.same_pace else "at another pace"
+    if not result.same_path:
+        return "two paths, compared at equal path time"
     if result.same_setpoints:
-        return f"all {result.common} setpoints that both have are the same"
-    return f"setpoints differ from cycle {result.first} of the program on"
+        return f"the same path {pace}; every setpoint is the same where both are at the same place"
+    return (
+        f"the same path {pace}, but setpoints differ at the same place, from cycle {result.first}"
+        " of the other's program on"
+    )
+
+
+def _side_by_side(result: Comparison, one: str, other: str) -> list[tuple[str, str]]:
+    """Return rows with a column for each run."""
+    sides = [_side(run) for run in result.runs]
+    rows = [("", (one, other))]
+    rows += [(name, (value, sides[1][name])) for name, value in sides[0].items()]
+    width = max(len(values[0]) for _, values in rows)
+    return [(name, f"{values[0]:<{width}}  {values[1]}") for name, values in rows]
+
+
+def _side(run: RunSide) -> dict[str, str]:
+    late = run.lateness
+    return {
+        "cycles on the program": f"{run.cycles} in {run.duration:.3f} s",
+        "path time": f"{run.path_time:.4f} of {run.planned:.4f} s",
+        "pace": ", ".join(f"{100.0 * pace:g} %" for pace in run.paces) or "never steady",
+        "worst following error": f"{triple(run.following_error, 3)} mm",
+        "lateness, median and 99 %": f"{late.median:.0f} and {late.p99:.0f} us",
+    }
