@@ -16,6 +16,9 @@ import pytest
 
 import duoglide as dg
 from duoglide.cli.main import run
+from duoglide.drives import pdo
+from duoglide.drives.buses import open_bus
+from duoglide.kinematics.home import home_carriages
 from duoglide.storage import EventKind, Topic, read_log
 from duoglide.viewer.join import JoinedRobot, find
 
@@ -115,6 +118,29 @@ def joined(pid: int) -> JoinedRobot:
                 return robot
         time.sleep(0.05)
     raise TimeoutError(f"nothing to join in process {pid}")
+
+
+def test_the_status_of_a_machine_that_another_host_moves_is_overheard(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    machine = dg.Machine.default()
+    with dg.Robot.connect(machine) as robot:
+        robot.enable()
+        robot.home()
+        with open_bus(robot.bus) as witness:
+            assert run(["status", "--bus", robot.bus, "--json"]) == 0
+            status = json.loads(capsys.readouterr().out)
+            seen = {frame.arbitration_id & ~0x7F for frame in iter(lambda: witness.recv(0.0), None)}
+        assert robot.enabled
+        assert run(["status", "--bus", robot.bus]) == 0
+        assert "only listened, nothing was sent" in capsys.readouterr().out
+    assert status["listening"]
+    assert "SYNC" in status["host"]
+    assert status["states"] == ["operation enabled"] * 3
+    assert status["carriages"] == pytest.approx(home_carriages(machine), abs=0.1)
+    assert status["heartbeats"] == ["operational"] * 3
+    assert pdo.TPDO1 in seen
+    assert not seen & {pdo.SDO_REQUEST, pdo.SDO_REPLY}
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -29,14 +29,14 @@ def require_alone(name: str, settings: DriveSettings) -> None:
     """
     import can
 
-    signs = _signs(settings)
+    signs = signs_of_a_host(settings)
     quiet = max(2.0 * settings.heartbeat_period, 5.0 * settings.cycle)
     with open_bus(name, settings.bit_rate) as bus:
         try:
             begin = last = time.monotonic()
             while (now := time.monotonic()) - last < quiet:
                 message = bus.recv(last + quiet - now)
-                sign = None if message is None else _meaning(message, signs)
+                sign = None if message is None else sign_in(message, signs)
                 if sign is not None:
                     last = time.monotonic()
                     if last - begin > _PATIENCE:
@@ -49,14 +49,15 @@ def require_alone(name: str, settings: DriveSettings) -> None:
             raise BusError(f"bus {name}: {error}") from error
 
 
-def _signs(settings: DriveSettings) -> dict[int, str]:
+def signs_of_a_host(settings: DriveSettings) -> dict[int, str]:
     """Return the frames that only a host sends."""
     setpoints = {pdo.RPDO1 + n: f"setpoint for node {n}" for n in settings.node_ids}
     heartbeat = {pdo.HEARTBEAT + settings.host_id: f"heartbeat as node {settings.host_id}"}
     return {pdo.SYNC: "SYNC", **setpoints, **heartbeat}
 
 
-def _meaning(message: can.Message, signs: dict[int, str]) -> str | None:
+def sign_in(message: can.Message, signs: dict[int, str]) -> str | None:
+    """Return what a frame says of a host; None for what others send too."""
     if message.is_extended_id or message.is_error_frame or message.is_remote_frame:
         return None
     return signs.get(message.arbitration_id)
