@@ -371,6 +371,16 @@ def test_a_curve_that_is_torn_is_refused_whoever_made_it() -> None:
         check_curve(machine, square.with_rests(()))
 
 
+@pytest.mark.parametrize("far", [1e7, 1e9, 1e12])
+def test_a_path_to_far_away_is_refused_where_it_leaves_reach(far: float) -> None:
+    machine, start = dg.Machine.default(), (-41.0, 0.0, 302.0)
+    bent = dg.Path.arc(start, (-41.0, far, 302.0), (-41.0, 0.0, far))
+    for path in (dg.Path.line(start, (-41.0, far, 302.0)), bent):
+        with pytest.raises(dg.PathError) as caught:
+            dg.check_path(machine, path)
+        assert 10.0 < caught.value.arc_length < 1000.0
+
+
 def test_lines_from_a_micrometre_to_ten_metres_are_decided() -> None:
     machine = dg.Machine.default()
     assert dg.check_path(machine, dg.Path.line((-41, 0, 300), (-41, 1e-3, 300))).curve.end == (

@@ -10,15 +10,28 @@ from duoglide.planning.check_rules import Intervals, Rules
 FIRST_LENGTH = 16.0  # [mm] of the intervals to begin with
 PARTS = 4  # into which an undecided interval is cut
 BLOCK = 32768  # intervals at a time, to bound the memory
+STRETCH = BLOCK * FIRST_LENGTH  # [mm] of sigma at a time, for the same reason
 TINIEST = 1e-9  # [mm] of sigma; nothing shorter is cut
 
 
 def first_failure(rules: Rules, start: float = 0.0, end: float = np.inf) -> float:
-    """Certify the curve from one sigma to another.
+    """Certify the curve from one sigma to another, stretch by stretch up to the first failure.
 
     Returns:
         Sigma of the first point that breaks a rule [mm], to 1e-8 mm; infinity where none does.
     """
+    end = min(end, rules.curve.end)
+    while start < end:  # a curve of any length leaves reach within its first stretch, if it does
+        stop = min(start + STRETCH, end)
+        failure = _first_within(rules, start, stop)
+        if failure < np.inf:
+            return failure
+        start = stop
+    return np.inf
+
+
+def _first_within(rules: Rules, start: float, end: float) -> float:
+    """Do what ``first_failure`` does, in one piece."""
     failure = np.inf
     stack = [first_intervals(rules, start, end)]
     while stack:
