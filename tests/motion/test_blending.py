@@ -161,3 +161,15 @@ def test_ten_thousand_corners_are_rounded_together() -> None:
 def test_a_blend_refuses_values_out_of_range(bad: tuple[float, ...]) -> None:
     with pytest.raises(dg.InputError, match="blend"):
         Blend(*bad)
+
+
+@pytest.mark.parametrize("corner", [1e-6, Blend(1e-6, 1e-6), Blend(1e-6, 5.0)])
+def test_a_corner_whose_blend_would_be_shorter_than_a_ten_thousandth_is_a_rest(
+    corner: float | Blend,
+) -> None:
+    path = dg.Path.polyline([(0, 0, 0), (50, 0, 0), (50, 20, 0), (0, 20, 0)], blends=[corner, 2.0])
+    rounded = round_corners(path)
+    assert rounded.curve.rests == (50.0,)
+    assert rounded.blend(0) is None
+    assert rounded.blend(1) is not None
+    np.testing.assert_array_equal(rounded.curve.position(50.0), (50, 0, 0))

@@ -96,6 +96,12 @@ def test_points_that_make_no_path_are_refused(points: list[tuple[float, ...]], m
         dg.Path.polyline(points)
 
 
+def test_a_spline_refuses_points_too_near_each_other_to_bend_between() -> None:
+    with pytest.raises(dg.InputError, match="points 1 and 2 coincide"):
+        dg.Path.through([(0, 0, 0), (1, 0, 0), (1, 5e-6, 0), (2, 0, 0)])
+    assert dg.Path.through([(0, 0, 0), (5e-6, 0, 0)]).end == (5e-6, 0, 0)
+
+
 @pytest.mark.parametrize(
     "points",
     [

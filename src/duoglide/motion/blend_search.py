@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 import numpy as np
@@ -41,6 +41,10 @@ class Corners:
     explicit: BoolArray
     before: FloatArray
     after: FloatArray
+
+    def those(self, mask: BoolArray) -> Corners:
+        """Return the corners where ``mask`` is true."""
+        return Corners(*(getattr(self, field.name)[mask] for field in fields(self)))
 
 
 def cut_backs(curve: Curve, corners: Corners) -> tuple[FloatArray, FloatArray]:

@@ -20,6 +20,7 @@ from duoglide.motion.path_segments import show
 SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a jump needs no blend
 ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
 SHARPEST = np.cos(np.radians(170.0))  # corners that turn back further than this are rests
+SHORTEST = 1e-4  # [mm]; to slow down for a shorter blend takes as long as to rest in the corner
 VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
 
 IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
@@ -64,7 +65,9 @@ def round_corners(path: Path) -> RoundedPath:
     rest, rounded = _sort_corners(path, raw)
     corners = _corners_to_round(path, raw, rounded)
     before, after = cut_backs(raw.curve, corners)
-    return _assemble(raw, rest, corners, before, after)
+    long = 5.0 * corners.shape * np.minimum(before, after) >= SHORTEST
+    rest[corners.waypoint[~long] - 1] = True
+    return _assemble(raw, rest, corners.those(long), before[long], after[long])
 
 
 def _sort_corners(path: Path, raw: RawPath) -> tuple[BoolArray, BoolArray]:
@@ -205,8 +208,8 @@ def _trimmed(curve: Curve, skip: FloatArray, spans: FloatArray) -> FloatArray:
     arcs = curve.rates > 0.0
     if arcs.any():
         rate = curve.rates[arcs][:, None]
-        result[arcs, 0] = curve.coefficients[arcs, 0]
-        result[arcs, 1] = states[arcs, 0] - curve.coefficients[arcs, 0]
+        result[arcs, 0] = states[arcs, 0]
+        result[arcs, 1] = -states[arcs, 2] / rate**2
         result[arcs, 2] = states[arcs, 1] / rate
         result[arcs, 3] = 0.0
     width = curve.coefficients.shape[1]

@@ -31,7 +31,8 @@ class Curve:
     """An immutable chain of polynomial and circular pieces.
 
     A piece with rate 0 is the polynomial sum of c_k u^k with u = s / span; a piece with rate w > 0
-    is the arc c_0 + c_1 cos(w s) + c_2 sin(w s). In both, s = sigma minus the piece's first break.
+    is the arc c_0 + c_1 (cos(w s) - 1) + c_2 sin(w s), from its start c_0 because its centre may be
+    too far away to compute with. In both, s = sigma minus the piece's first break.
 
     Attributes:
         spans: Length of each piece in sigma [mm], shape (n,), all positive.
@@ -137,7 +138,8 @@ class Curve:
         cosine, sine = np.cos(angle), np.sin(angle)
         radial = c[:, 1] * cosine + c[:, 2] * sine
         along = (c[:, 2] * cosine - c[:, 1] * sine) * rate
-        return np.stack([c[:, 0] + radial, along, -radial * rate**2, -along * rate**2], axis=-2)
+        way = c[:, 2] * sine - c[:, 1] * (2.0 * np.sin(0.5 * angle) ** 2)
+        return np.stack([c[:, 0] + way, along, -radial * rate**2, -along * rate**2], axis=-2)
 
     def _at(self, sigma: float, piece: int | None) -> FloatArray:
         """Evaluate one point in plain floats: several times quicker than arrays of one row."""
@@ -263,12 +265,13 @@ class Curve:
 def _arc_at(rows: list[list[float]], local: float, rate: float) -> FloatArray:
     """Evaluate one point of one arc."""
     cosine, sine = cos(rate * local), sin(rate * local)
+    drop = 2.0 * sin(0.5 * rate * local) ** 2
     result = ([], [], [], [])  # type: tuple[list[float], ...]
     for axis in range(3):
         first, second = rows[1][axis], rows[2][axis]
         radial = first * cosine + second * sine
         along = (second * cosine - first * sine) * rate
-        result[0].append(rows[0][axis] + radial)
+        result[0].append(rows[0][axis] + (second * sine - first * drop))
         result[1].append(along)
         result[2].append(-radial * rate * rate)
         result[3].append(-along * rate * rate)

@@ -58,9 +58,9 @@ def _rows(segment: Segment) -> Rows:
 
 
 def _arc_rows(arc: Arc) -> Rows:
-    centre, first, second, radius, angle = arc.circle()
+    first, second, radius, angle = arc.circle()
     rows = np.zeros((1, _ROWS, 3))
-    rows[0, :3] = centre, first, second
+    rows[0, :3] = arc.start, first, second
     return np.array([radius * angle]), np.array([1.0 / radius]), rows
 
 

@@ -14,6 +14,7 @@ from duoglide.arrays import FloatArray, as_number, as_triples, read_only
 from duoglide.errors import InputError
 
 COINCIDENT = 1e-6  # [mm]; points nearer to each other than this are one point
+CRAMPED = 2e-5  # [mm]; between nearer points a spline bends more sharply than can be timed
 _COLLINEAR = 1e-9  # [mm]; an arc that bulges less than this is a line
 Point: TypeAlias = tuple[float, float, float]
 
@@ -125,12 +126,12 @@ class Arc:
         """The points that it is programmed by."""
         return self.start, self.via, self.end
 
-    def circle(self) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
+    def circle(self) -> tuple[FloatArray, FloatArray, float, float]:
         """Find the circle.
 
         Returns:
-            Centre; radius vectors at the start and a quarter turn on [mm]; radius [mm]; angle
-            swept [rad], above 0.
+            Radius vectors at the start and a quarter turn on [mm]; radius [mm]; angle swept [rad],
+            above 0.
         """
         a, b, c = (np.array(point) for point in self.points)
         ab, ac = b - a, c - a
@@ -140,9 +141,11 @@ class Arc:
         first = -outward
         radius = float(np.linalg.norm(first))
         second = np.cross(normal / np.sqrt(size), first)
-        last = c - (a + outward)
+        last = ac - outward
         angle = float(np.arctan2(last @ second, last @ first)) % (2.0 * np.pi)
-        return a + outward, first, second, radius, angle
+        if angle < 1.0:  # by the chord, which keeps its digits where the radius is huge
+            angle = 2.0 * float(np.arcsin(0.5 * np.sqrt(ac @ ac) / radius))
+        return first, second, radius, angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,11 +153,12 @@ class Spline:
     """A smooth segment through points: the natural cubic spline over chord length.
 
     Attributes:
-        through: Points [mm], shape (n, 3), n at least 2; neighbours do not coincide.
+        through: Points [mm], shape (n, 3), n at least 2; neighbours do not coincide, and of more
+            than two are at least 2e-5 mm apart.
         speed: Cap on the tool's speed along it [mm/s]; None: no cap.
 
     Raises:
-        InputError: Fewer than two points, or neighbours that coincide.
+        InputError: Fewer than two points, or neighbours that coincide or are too near.
     """
 
     through: FloatArray
@@ -162,7 +166,7 @@ class Spline:
 
     def __post_init__(self) -> None:
         points = as_triples(self.through, "points")
-        require_apart(points)
+        require_apart(points, COINCIDENT if len(points) < 3 else CRAMPED)
         object.__setattr__(self, "through", read_only(points))
 
     @property
@@ -194,8 +198,8 @@ class Spline:
 Segment: TypeAlias = Line | Arc | Spline
 
 
-def require_apart(points: FloatArray) -> None:
-    """Refuse a list of points that is too short, or in which neighbours coincide.
+def require_apart(points: FloatArray, least: float = COINCIDENT) -> None:
+    """Refuse a list of points that is too short, or in which neighbours are nearer than ``least``.
 
     Raises:
         InputError: Names the two points.
@@ -203,8 +207,8 @@ def require_apart(points: FloatArray) -> None:
     if points.ndim != 2 or len(points) < 2:
         raise InputError(f"points must have shape (n, 3) with n at least 2, got {points.shape}")
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if gaps.min() < COINCIDENT:
-        i = int(np.argmax(gaps < COINCIDENT))
+    if gaps.min() < least:
+        i = int(np.argmax(gaps < least))
         raise InputError(
             f"points {i} and {i + 1} coincide at {show(points[i])} mm ({gaps[i]:.3g} mm apart);"
             " leave one out"

@@ -25,7 +25,8 @@ def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArra
             sine = sin(rate * local)
             radial = c[1, axis] * cosine + c[2, axis] * sine
             along = (c[2, axis] * cosine - c[1, axis] * sine) * rate
-            out[0, axis] = c[0, axis] + radial
+            drop = 2.0 * sin(0.5 * rate * local) ** 2
+            out[0, axis] = c[0, axis] + (c[2, axis] * sine - c[1, axis] * drop)
             out[1, axis] = along
             out[2, axis] = -radial * rate * rate
             out[3, axis] = -along * rate * rate

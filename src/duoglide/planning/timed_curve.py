@@ -15,6 +15,7 @@ from duoglide.errors import UnreachableError
 from duoglide.kinematics.constants import Constants, pose_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
+from duoglide.motion.blending import SMOOTH
 from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.checked import SpeedCap
 from duoglide.motion.curve import Curve
@@ -101,11 +102,21 @@ class TimedCurve:
         """Sigma where a derivative or a cap may jump [mm], ascending."""
         ends = [end for cap in self.speed_caps for end in (cap.start, cap.end)]
         ends += [self.ahead] if self.ahead < self.curve.end else []
-        breaks = self.curve.breaks
+        breaks = self._kinks
         others = np.setdiff1d(np.array(ends), breaks).clip(0.0, self.curve.end)
         after = np.searchsorted(breaks, others).clip(1, breaks.size - 1)
         gap = np.minimum(others - breaks[after - 1], breaks[after] - others)
         return np.union1d(breaks, others[gap > _SAME])
+
+    @cached_property
+    def _kinks(self) -> FloatArray:
+        """The curve's breaks without those at which one line goes on as another."""
+        curve = self.curve
+        line = (curve.rates == 0.0) & (np.abs(curve.coefficients[:, 2:]).max(axis=(1, 2)) == 0.0)
+        turn = np.abs(np.diff(curve.coefficients[:, 1] / curve.spans[:, None], axis=0)).max(axis=1)
+        goes_on = line[1:] & line[:-1] & (turn < SMOOTH)
+        kinks: FloatArray = curve.breaks[np.concatenate([[True], ~goes_on, [True]])]
+        return kinks
 
     @cached_property
     def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
