@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 import duoglide as dg
-from duoglide.kinematics._case2 import curve_of
-from duoglide.kinematics._nearest_pose import nearest_of_pose
+from duoglide.kinematics._case2 import curve_of, plain_curve
+from duoglide.kinematics._nearest_pose import SURFACES, nearest_of_pose
 from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.model import inverse_derivatives
 from duoglide.kinematics.nearest import nearest_surface
@@ -95,10 +95,10 @@ def test_clearance_of_one_pose_is_that_of_many(geometries: list[dg.Geometry], po
         if not len(position):
             continue
         many = nearest_surface(geometry, mode.v, position)
-        k, curve = pose_constants(geometry, mode), curve_of(geometry, mode.v)
-        alone = [nearest_of_pose(x, z, k, curve) for x, _, z in position.tolist()]
+        k, curve = pose_constants(geometry, mode), plain_curve(geometry, mode.v)
+        alone = [nearest_of_pose(x, z, k, curve, np.inf) for x, _, z in position.tolist()]
         np.testing.assert_allclose([one[0] for one in alone], many.distance, rtol=0, atol=1e-9)
-        same = [one[3] for one in alone] == many.family
+        same = np.array(SURFACES)[[one[3] for one in alone]] == many.family
         assert same.mean() > 0.95  # else two are equally near, as where they meet
         away = np.array([one[1:3] for one in alone])
         np.testing.assert_allclose(away[same], many.away[same][:, ::2], rtol=0, atol=1e-6)

@@ -6,6 +6,7 @@ answers until that has added up to something: whoever has one large batch never 
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from typing import Any
@@ -14,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
-from duoglide.kinematics import kernels
+from duoglide.kinematics import _nearest_pose, kernels, reach
+from duoglide.kinematics._nearest_pose import CurveNumbers, nearest_loop
 from duoglide.kinematics.compiled import compiled
 from duoglide.kinematics.constants import Constants
 
@@ -80,6 +82,18 @@ def legs_many(rise: FloatArray, k: Constants) -> tuple[FloatArray, FloatArray]:
     out = np.empty((2, *rise.shape))
     _compiled(kernels.legs_loop)(rise.reshape(-1), out.reshape(-1), k)
     return out[0], out[1]
+
+
+def nearest_many(
+    position: FloatArray, within: float, k: Constants, curve: CurveNumbers, out: Any
+) -> None:
+    """Write what ``nearest_of_pose`` finds for positions of shape (n, 3), as ``nearest_loop``."""
+    _compiled(nearest_loop)(_flat(position), within, k, curve, out)
+
+
+def numba_is_loaded() -> bool:
+    """Whether this process has numba already, so that compiled loops cost no more than a call."""
+    return "numba" in sys.modules
 
 
 def _blocks(given: FloatArray, out: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -163,12 +177,12 @@ def _flat(array: FloatArray) -> FloatArray:
 @cache
 def _compiled(loop: Callable[..., int]) -> Any:
     """Compile a loop, or load it from numba's cache."""
-    _register()
+    register_kernels()
     return compiled(loop, nogil=True)
 
 
 @cache
-def _register() -> None:
+def register_kernels() -> None:
     """Let compiled code call the kernels, which stay plain functions for everyone else."""
     from numba.extending import register_jitable
 
@@ -177,5 +191,11 @@ def _register() -> None:
         kernels.forward_pose,
         kernels.margins_pose,
         kernels.legs_pose,
+        kernels.case2_point,
+        reach.links_pose,
+        _nearest_pose.sample_gap,
+        _nearest_pose.refined,
+        _nearest_pose.nearest_on_piece,
+        _nearest_pose.nearest_of_pose,
     ):
         register_jitable(kernel)

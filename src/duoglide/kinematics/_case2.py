@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
+from duoglide.kinematics._nearest_pose import COARSE, STEPS, CurveNumbers
 from duoglide.kinematics.kernels import case2_point, in_numpy
 from duoglide.machine import Geometry
 
@@ -25,11 +26,9 @@ IndexArray: TypeAlias = NDArray[np.intp]
 
 STEPS_PER_LENGTH = 150.0  # cells of the sampled curve for one strut length
 TURN = 0.1  # [rad], by which the tangent turns at most in one cell
-COARSE = 16  # every so many samples for a first look
 _point_columns = in_numpy(case2_point)
 
 NEAR_POLE = 1e-9  # [rad], where the line X = 0 takes over
-STEPS = 60  # bisection alone would then be down to rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +40,6 @@ class Piece:
         X: Coordinate along x of the samples [mm].
         Z: Coordinate along z of the samples [mm].
         spacing: Greatest length of the curve between neighbours [mm], with a reserve.
-        samples: X and Z of the samples, as plain numbers.
         box: Least and greatest X and Z [mm] that the piece comes to, with a reserve.
     """
 
@@ -49,7 +47,6 @@ class Piece:
     X: FloatArray
     Z: FloatArray
     spacing: float
-    samples: tuple[tuple[float, float], ...]
     box: tuple[float, float, float, float]
 
     def squares(self, X: FloatArray, Z: FloatArray, step: int) -> FloatArray:
@@ -187,6 +184,33 @@ def curve_of(g: Geometry, v: int) -> Case2Curve:
     return replace(curve, pieces=pieces)
 
 
+@lru_cache(maxsize=32)
+def packed_curve(g: Geometry, v: int) -> CurveNumbers:
+    """Return the curve of a geometry in arrays, the samples of all pieces one after the other."""
+    curve = curve_of(g, v)
+    pieces = curve.pieces
+    low, high = curve.line or (inf, -inf)
+    ends = np.cumsum([0, *(piece.delta.size for piece in pieces)])
+    numbers = [
+        (start, end, piece.spacing, *piece.box)
+        for start, end, piece in zip(ends[:-1], ends[1:], pieces, strict=True)
+    ]
+    samples = [np.column_stack([piece.delta, piece.X, piece.Z]) for piece in pieces]
+    return CurveNumbers(
+        *(curve.F1, curve.l6, float(v), low, high),
+        pieces=np.array(numbers, dtype=np.float64).ravel(),
+        samples=np.concatenate([np.empty(0), *(part.ravel() for part in samples)]),
+    )
+
+
+@lru_cache(maxsize=32)
+def plain_curve(g: Geometry, v: int) -> CurveNumbers:
+    """Return the curve of a geometry in tuples: plain code is quicker with them than arrays."""
+    packed = packed_curve(g, v)
+    pieces, samples = tuple(packed.pieces.tolist()), tuple(packed.samples.tolist())
+    return packed._replace(pieces=pieces, samples=samples)
+
+
 def _ends(g: Geometry, v: int, side: int) -> tuple[float, ...]:
     """Return the two values of delta between which one side of the pole is within reach."""
     lift = g.riser_height + g.arm_drop - g.strut_drop
@@ -229,6 +253,5 @@ def _sample(curve: Case2Curve, ends: tuple[float, float], step: float) -> Piece:
         X=read_only(x),
         Z=read_only(z),
         spacing=spacing,
-        samples=tuple(zip(x.tolist(), z.tolist(), strict=True)),
         box=(low[0], high[0], low[1], high[1]),
     )

@@ -93,7 +93,7 @@ def forward_pose(a1: float, a2: float, a3: float, k: Constants) -> tuple[float, 
     return X + xb, y, Z + zb, sure
 
 
-def case2_point(delta: float, F1: float, l6: float, v: int) -> tuple[float, ...]:
+def case2_point(delta: float, F1: float, l6: float, v: float) -> tuple[float, ...]:
     """Point of the curve of case 2 seen from B3, X and Z, and its first and second derivatives."""
     s, c = sin(delta), cos(delta)
     pole = F1 / s
@@ -158,8 +158,14 @@ def legs_loop(rise: FloatArray, out: FloatArray, k: Constants) -> int:
     return 0
 
 
-def in_numpy(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the same code with functions that take arrays."""
+def in_numpy(kernel: Callable[..., Any], **called: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the same code with functions that take arrays.
+
+    Args:
+        kernel: Plain arithmetic with the functions below.
+        called: Other kernels that it calls, by their name, as this function returned them.
+    """
     assert isinstance(kernel, FunctionType)
-    elementwise = {"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos}
-    return FunctionType(kernel.__code__, {**kernel.__globals__, **elementwise})
+    elementwise: dict[str, Callable[..., Any]] = {"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos}
+    elementwise |= {"max": np.maximum, "min": np.minimum}
+    return FunctionType(kernel.__code__, {**kernel.__globals__, **elementwise, **called})

@@ -9,18 +9,21 @@ This is what lies under ``clearance``, for callers that know their positions to 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._case2 import Case2Curve, IndexArray, curve_of
+from duoglide.kinematics._batch import nearest_many, numba_is_loaded
+from duoglide.kinematics._case2 import Case2Curve, IndexArray, curve_of, packed_curve
+from duoglide.kinematics._nearest_pose import SURFACES
+from duoglide.kinematics.constants import pose_constants
+from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Geometry
 
 BLOCK = 4096  # poses at a time, to bound the memory
-SURFACES = ("arm_flat", "strut", "legs_vertical", "legs_flat", "legs_vertical", "arm_strut")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,19 +58,29 @@ def nearest_surface(g: Geometry, v: int, position: FloatArray, within: float = i
         within: Distance up to which the quartic of case 2 is sought [mm]: who only asks whether
             something is nearer than that has the answer sooner.
     """
+    shape, poses = position.shape[:-1], position.size // 3
+    distance, away = np.empty(poses), np.zeros((poses, 3))
+    surface = np.empty(poses, dtype=np.intp)
+    if numba_is_loaded():
+        k = pose_constants(g, replace(WORKING, v=v))
+        nearest_many(position, within, k, packed_curve(g, v), (distance, away, surface))
+    else:
+        _in_blocks(g, v, position, within, (distance, away, surface))
+    return Nearest(distance.reshape(shape), away.reshape(position.shape), surface.reshape(shape))
+
+
+def _in_blocks(g: Geometry, v: int, position: FloatArray, within: float, out: Any) -> None:
+    """Do with numpy what ``nearest_loop`` does."""
+    distance, away, surface = out
     xb = g.platform_half_width - g.rail_half_spacing
     zb = g.carriage_height + g.strut_drop
     X = position[..., 0].ravel() - xb
     Z = position[..., 2].ravel() - zb
-    distance, away = np.empty(X.shape), np.zeros((X.size, 3))
-    surface = np.empty(X.shape, dtype=np.intp)
     curve = curve_of(g, v)
     for start in range(0, X.size, BLOCK):
         part = slice(start, start + BLOCK)
         found, surface[part] = _nearest(g, (curve, within), X[part], Z[part])
         distance[part], away[part, 0], away[part, 2] = found.T
-    shape = position.shape[:-1]
-    return Nearest(distance.reshape(shape), away.reshape(position.shape), surface.reshape(shape))
 
 
 def _nearest(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import SingularityError, UnreachableError
 from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.kernels import in_numpy
 
 EDGE = 1e-9  # [mm], by which rounding may leave a pose on the edge outside it
 
@@ -38,25 +40,31 @@ class Reach:
         return np.asarray((self.lacking <= EDGE).all(axis=-1))
 
 
+def links_pose(x: float, z: float, k: Constants) -> tuple[float, ...]:
+    """Square roots of one pose, as in ``Reach``, and what arm, legs and strut lack."""
+    cx, base, l6, l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k
+    u = x - cx
+    A = v * sqrt(max((l6 - u) * (l6 + u), 0.0))
+    h = z - base - A
+    X = x - xb
+    Z = z - zb
+    p = sqrt(max((l2 - h) * (l2 + h), 0.0))
+    square = X * X + Z * Z
+    q = sqrt(max(l9 * l9 - square, 0.0))
+    # near the arm's own edge, rounding x alone moves A, and h with it, by up to a square root
+    noise = 2.0**-51 * l6 * (abs(x) + abs(cx) + l6)
+    slack = noise / max(abs(A), sqrt(noise))
+    return A, h, p, q, abs(u) - l6, abs(h) - l2 - slack, sqrt(square) - l9
+
+
+_links_columns = in_numpy(links_pose)
+
+
 def reach_of(position: FloatArray, k: Constants) -> Reach:
     """Evaluate every link at finite positions of shape (..., 3); never fails."""
     with np.errstate(over="ignore"):
-        return _reach_of(position[..., 0], position[..., 2], k)
-
-
-def _reach_of(x: FloatArray, z: FloatArray, k: Constants) -> Reach:
-    cx, base, l6, l2, _half, xb, zb, l9, v, *_ = k
-    u = x - cx
-    A = v * np.sqrt(np.maximum((l6 - u) * (l6 + u), 0.0))
-    h = z - base - A
-    X, Z = x - xb, z - zb
-    p = np.sqrt(np.maximum((l2 - h) * (l2 + h), 0.0))
-    q = np.sqrt(np.maximum(l9 * l9 - (X * X + Z * Z), 0.0))
-    # near the arm's own edge, rounding x alone moves A, and h with it, by up to a square root
-    noise = 2.0**-51 * l6 * (np.abs(x) + abs(cx) + l6)
-    slack = noise / np.maximum(np.abs(A), np.sqrt(noise))
-    lacking = np.stack([np.abs(u) - l6, np.abs(h) - l2 - slack, np.hypot(X, Z) - l9], axis=-1)
-    return Reach(A=A, h=h, p=p, q=q, lacking=lacking)
+        A, h, p, q, *lacking = _links_columns(position[..., 0], position[..., 2], k)
+    return Reach(A=A, h=h, p=p, q=q, lacking=np.stack(lacking, axis=-1))
 
 
 def require_reach(position: FloatArray, k: Constants) -> Reach:

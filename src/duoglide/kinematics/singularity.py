@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from duoglide.kinematics._batch import (
     margins_one,
     triple,
 )
-from duoglide.kinematics._case2 import curve_of
+from duoglide.kinematics._case2 import plain_curve
 from duoglide.kinematics._nearest_pose import nearest_of_pose
 from duoglide.kinematics.constants import Constants, pose_constants
 from duoglide.kinematics.modes import WORKING, WorkingMode
@@ -168,7 +169,7 @@ def clearance(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKI
     """
     k = pose_constants(geometry, mode)
     if (pose := as_pose(position)) and margins_one(pose, k) and mode.w1 != mode.w2:
-        distance, *_ = nearest_of_pose(pose[0], pose[2], k, curve_of(geometry, mode.v))
+        distance, *_ = nearest_of_pose(pose[0], pose[2], k, plain_curve(geometry, mode.v), inf)
         return _as_numpy(distance)
     array = as_triples(position, "position")
     require_reach(array, k)
@@ -199,7 +200,8 @@ def clearance_gradient(
     """
     k = pose_constants(geometry, mode)
     if (pose := as_pose(position)) and margins_one(pose, k) and mode.w1 != mode.w2:
-        _, away_x, away_z, _ = nearest_of_pose(pose[0], pose[2], k, curve_of(geometry, mode.v))
+        curve = plain_curve(geometry, mode.v)
+        _, away_x, away_z, _ = nearest_of_pose(pose[0], pose[2], k, curve, inf)
         return triple(away_x, 0.0, away_z)
     array = as_triples(position, "position")
     require_reach(array, k)

@@ -5,15 +5,44 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
+from duoglide.kinematics._batch import numba_is_loaded
 from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import reach_of
-from duoglide.planning.check_margins import boxes, clearance, outside, places, travel
+from duoglide.planning.check_margins import boxes, clearance, outside, room_to_travel, travel
 from duoglide.planning.check_rules import Intervals, Parts, Rules, Verdict
+
+WORTH_LOADING = 12  # calls; a path takes about four
+
+
+class _Judged:
+    """How often numpy has judged something in this process."""
+
+    times = 0
+
+
+def kernel_pays() -> bool:
+    """Whether compiled loops are loaded, or numpy has been called so often that they should be.
+
+    A path or two are checked before numba would be loaded, and never wait for it.
+    """
+    _Judged.times += 1
+    return numba_is_loaded() or _Judged.times > WORTH_LOADING
+
+
+def measured(rules: Rules, positions: FloatArray) -> FloatArray:
+    """Measure positions with compiled loops: see ``_check_kernel.measure``."""
+    from duoglide.planning import _check_kernel
+
+    return _check_kernel.measure(rules, positions)
 
 
 def judge(rules: Rules, intervals: Intervals) -> Verdict:
     """Evaluate every rule on intervals."""
+    if kernel_pays():
+        from duoglide.planning import _check_kernel
+
+        return _check_kernel.judge(rules, intervals)
     states = rules.curve.derivatives(intervals.middle, intervals.piece)
     piece, half = intervals.piece, intervals.half[:, None]
     bounds = rules.bounds
@@ -33,17 +62,17 @@ def judge_points(rules: Rules, positions: FloatArray, cleared: bool = True) -> F
     Returns:
         Margins less what is required [mm], shape (n, families); minus infinity out of reach.
     """
+    if kernel_pays():
+        return measured(rules, positions)[:, : rules.required.size]
     reach = reach_of(positions, rules.constants)
     inside = reach.lacking.max(axis=1) < 0.0
     clear = np.full(len(positions), np.inf)
     if cleared:
         near = nearest_surface(rules.machine.geometry, WORKING.v, positions[inside])
         clear[inside] = near.distance
-    found, gap = places(rules.constants, positions[:, 1], reach)
     out = [outside(box, positions).max(axis=1) for box in rules.machine.keep_out]
-    limit = rules.machine.geometry.rail_half_length
-    margins = np.stack([clear, *(limit - np.abs(place) for place in found), gap, *out], axis=1)
-    margins -= rules.required
+    travels = room_to_travel(rules, positions[:, 1], reach)
+    margins = np.column_stack([clear, travels, *out]) - rules.required
     margins[~inside] = -np.inf
     return margins
 

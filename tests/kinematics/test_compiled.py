@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import numba
+import pytest
+
+from duoglide.kinematics.compiled import compiled, fingerprint
+
+CALLER = "def caller(x):\n    return 2.0 * called(x) + SHIFT\n"
+
+
+def make(called: str, shift: float = 1.0, caller: str = CALLER) -> dict[str, Any]:
+    """Two functions as two modules would hold them."""
+    space: dict[str, Any] = {"__name__": "somewhere", "SHIFT": shift}
+    exec(f"def called(x):\n    return {called}\n" + caller, space)
+    return space
+
+
+def test_a_fingerprint_tells_what_a_function_calls_and_with_which_constants() -> None:
+    first = make("x + 1.0")
+    variants = [
+        make("x + 2.0"),
+        make("x - 1.0"),
+        make("x + 1.0", shift=3.0),
+        make("x + 1.0", caller=CALLER.replace("2.0", "4.0")),
+    ]
+    known = fingerprint(first["caller"])
+    assert fingerprint(make("x + 1.0")["caller"]) == known
+    assert len({known, *(fingerprint(other["caller"]) for other in variants)}) == 5
+    first["called"] = numba.njit(first["called"])
+    assert fingerprint(first["caller"]) == known
+
+
+def test_what_is_cached_expires_when_a_function_in_another_module_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "caller_module.py").write_text(
+        "from called_module import called\n\n\ndef caller(x):\n    return called(x)\n"
+    )
+    for change in (1.0, 2.0):
+        (tmp_path / "called_module.py").write_text(f"def called(x):\n    return x + {change}\n")
+        for name in ("caller_module", "called_module"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        space = importlib.import_module("caller_module")
+        numba.extending.register_jitable(space.called)
+        quick = compiled(space.caller)
+        assert quick(1.0) == 1.0 + change
+        assert sum(quick.stats.cache_misses.values()) == 1  # not what was cached before
+    again = compiled(space.caller)
+    assert again(1.0) == 3.0
+    assert sum(again.stats.cache_hits.values()) == 1
