@@ -149,10 +149,12 @@ def test_ctrl_c_and_sigterm_stop_on_the_path_and_leave_a_whole_log(
 ) -> None:
     name = f"{number.name}.mcap"
     words = ["stream", "plan.mcap", "--log", name, "--approach", "--override", "4"]
+    before = signal.signal(number, signal.SIG_DFL)  # a shell's "&" has Ctrl-C ignored: inherited
     process = subprocess.Popen(
         [sys.executable, "-m", "duoglide.cli", *words],
         cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
+    signal.signal(number, before)
     log = folder / name
     with process:
         deadline = time.monotonic() + 30.0

@@ -36,7 +36,7 @@ def test_bring_up_ends_enabled_homed_and_where_it_was(
 
 def test_everything_that_protects_the_machine_is_in_the_drive(axes: list[Axis]) -> None:
     for axis in axes:
-        axis.configure((-100.0, 200.0))
+        axis.configure((-100.0, 200.0), 4000.0)
     settings = axes[0].settings
     plain, mirrored = axes[0], axes[1]
     assert [plain.read(0x607D, sub) for sub in (1, 2)] == [-100_000, 200_000]
@@ -52,6 +52,7 @@ def test_everything_that_protects_the_machine_is_in_the_drive(axes: list[Axis]) 
         (0x605E, 0): 2,
         (0x6065, 0): 15000,
         (0x6066, 0): 10,
+        (0x607F, 0): 4_400_000,
         (0x6085, 0): 60_000_000,
         (0x1006, 0): 2000,
     }

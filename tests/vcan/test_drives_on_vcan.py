@@ -8,8 +8,8 @@ from __future__ import annotations
 import shutil
 import subprocess
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import can
@@ -113,16 +113,13 @@ def test_drives_stop_when_the_link_goes_down_and_answer_when_it_is_up(
 
 
 @pytest.mark.skipif(shutil.which("tc") is None, reason="tc of iproute2 is not installed")
-def test_five_percent_loss_stops_neither_bring_up_nor_the_motion(drives: SimulatedDrives) -> None:
-    netem = ["tc", "qdisc", "replace", "dev", "vcan0", "root", "netem", "loss", "5%"]
-    subprocess.run(netem, check=True)
-    try:
-        with connected() as (network, axes):
-            bring_up(axes)
-            stream(network.bus, axes, 200)
-            states = [real.state for real in drives.snapshot()]
-    finally:
-        subprocess.run(["tc", "qdisc", "del", "dev", "vcan0", "root"], check=True)
+def test_five_percent_loss_stops_neither_bring_up_nor_the_motion(
+    drives: SimulatedDrives, lossy: Callable[[int], AbstractContextManager[None]]
+) -> None:
+    with lossy(5), connected() as (network, axes):
+        bring_up(axes)
+        stream(network.bus, axes, 200)
+        states = [real.state for real in drives.snapshot()]
     assert states == [State.OPERATION_ENABLED] * 3
 
 

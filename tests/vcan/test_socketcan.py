@@ -12,7 +12,7 @@ import struct
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -105,15 +105,6 @@ def run(*command: str) -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
-@contextmanager
-def lossy(percent: int) -> Iterator[None]:
-    run("tc", "qdisc", "add", "dev", INTERFACE, "root", "netem", "loss", f"{percent}%")
-    try:
-        yield
-    finally:
-        run("tc", "qdisc", "del", "dev", INTERFACE, "root")
-
-
 def send_error_frame(kind: int) -> None:
     """Let everybody on the interface see an error frame, as a controller's driver would."""
     with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw:
@@ -173,7 +164,9 @@ def test_bus_off_stops_the_run(robot: dg.Robot, there: dg.Trajectory) -> None:
 
 
 def test_one_frame_in_twenty_lost_is_bridged_or_named(
-    robot: dg.Robot, there: dg.Trajectory
+    robot: dg.Robot,
+    there: dg.Trajectory,
+    lossy: Callable[[int], AbstractContextManager[None]],
 ) -> None:
     with lossy(5):
         report = robot.start(there, override=0.3).wait(60.0)

@@ -129,8 +129,8 @@ def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
     for axis in axes:
         axis.wait_for_boot()
         axis.identify()
-    for axis in axes:
-        axis.configure((-travel, travel))
+    for axis, speed in zip(axes, machine.stop_limits.velocity.tolist(), strict=True):
+        axis.configure((-travel, travel), speed)
     for axis in axes:
         axis.command(Nmt.START)
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from duoglide.control.scale import IntTriple
 
 SETPOINT_DELAY = 2  # cycles from the SYNC that a setpoint follows to the SYNC when it is reached
+DRIVES_BRIDGE = 1  # cycle without a setpoint, at the velocity of the one before; then they brake
 _ZEROS: IntTriple = (0, 0, 0)
 _CONDITIONS = {condition: index for index, condition in enumerate(Condition)}
 
@@ -235,8 +236,12 @@ class Streamer:
             self._leave()
 
     def _advance(self, motion: Motion) -> None:
-        """Take the motion's next setpoint; a gap is bridged, unless it is why we stop."""
-        gap = 0 if self._watch.too_late else self._skipped
+        """Take the motion's next setpoint.
+
+        A gap is bridged as far as the drives have gone on through it, unless it is why we stop;
+        whoever made up for a longer one would have them leap.
+        """
+        gap = 0 if self._watch.too_late else min(self._skipped, DRIVES_BRIDGE)
         target = motion.advance(1 + gap)
         refused = motion.program.fence.refuses(target, self._setpoint, 1 + gap)
         if refused:

@@ -55,15 +55,18 @@ class Axis(DriveObjects):
         """Find out what the drive is; DriveError if it is not what the machine file says."""
         return identify(self)
 
-    def configure(self, travel: tuple[float, float] | None = None) -> None:
+    def configure(
+        self, travel: tuple[float, float] | None = None, speed: float | None = None
+    ) -> None:
         """Write everything that the drive must know before it gets power.
 
         Args:
             travel: Software limits, 0x607D [mm]; None leaves those of the drive.
+            speed: Greatest one that it will be asked for, 0x607F [mm/s]; None leaves its own.
         """
         if self.read_state() in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
             self.go_to(State.SWITCH_ON_DISABLED)  # somebody left it under power
-        configure(self, travel)
+        configure(self, travel, speed)
 
     # -- what it says -------------------------------------------------------------------------
 

@@ -18,6 +18,8 @@ from duoglide.errors import ConfigError, DriveTimeout
 _PROFILE = 402
 _SCAN_PATIENCE = 0.5  # [s]
 _INVALID = 1 << 31  # of a PDO's COB-ID
+_SPEED_ROOM = 1.1  # so that a drive that has fallen behind by a lost setpoint may catch up
+_MOST_SPEED = (1 << 31) - 1  # of 0x607F, where increments are small [increments/s]
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
 _RAMP_QUICK = 2  # 0x605D, 0x605E: brake at 0x6085
@@ -141,12 +143,14 @@ def _name(drive: DriveObjects) -> str:
         return ""
 
 
-def configure(drive: DriveObjects, travel: tuple[float, float] | None) -> None:
+def configure(drive: DriveObjects, travel: tuple[float, float] | None, speed: float | None) -> None:
     """Write everything that a drive must know before it gets power.
 
     Args:
         drive: The drive, without power.
         travel: Software limits, 0x607D [mm]; None leaves those of the drive.
+        speed: Greatest one that the host asks for [mm/s]; 0x607F, with room above it, bounds what
+            a setpoint that is far off can do. None leaves that of the drive.
     """
     drive.command(pdo.Nmt.ENTER_PRE_OPERATIONAL)
     for wanted in PDO_MAPS:
@@ -155,7 +159,7 @@ def configure(drive: DriveObjects, travel: tuple[float, float] | None) -> None:
     if _counts_syncs(drive):
         drive.write(0x1006, 0, 0)  # with a cycle set, a drive must not change its counter
         drive.write_checked(0x1019, 0, 0)
-    for index, sub, value in _settings(drive, travel):
+    for index, sub, value in _settings(drive, travel, speed):
         if drive.has(index):
             drive.write_checked(index, sub, value)
     for index, sub, value, size in drive.quirks.writes:
@@ -190,7 +194,7 @@ def map_pdo(drive: DriveObjects, wanted: PdoMap) -> None:
 
 
 def _settings(
-    drive: DriveObjects, travel: tuple[float, float] | None
+    drive: DriveObjects, travel: tuple[float, float] | None, speed: float | None
 ) -> list[tuple[int, int, int]]:
     """Return the objects to write: timing, watchdogs, stops and limits."""
     settings, quirks, scale = drive.settings, drive.quirks, drive.scale
@@ -218,6 +222,8 @@ def _settings(
     if travel is not None:
         low, high = sorted(map(scale.to_increments, travel))
         objects += [(0x607D, 1, low), (0x607D, 2, high)]
+    if speed is not None:
+        objects.append((0x607F, 0, min(scale.magnitude(_SPEED_ROOM * speed), _MOST_SPEED)))
     return objects
 
 
