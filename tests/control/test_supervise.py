@@ -46,7 +46,7 @@ def test_nothing_follows_when_all_is_well() -> None:
         ({"statusword": 0x3237}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
         ({"following": 1001}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
         ({"statusword": 0x0237}, Condition.NOT_FOLLOWING, Reaction.QUICK_STOP),
-        ({"statusword": 0x1A37}, Condition.LIMIT, Reaction.STOP_ON_PATH),
+        ({"limited": 3}, Condition.LIMIT, Reaction.STOP_ON_PATH),
         ({"missing": 3, "alone": 3}, Condition.SILENT, Reaction.STOP_ON_PATH),
         ({"missing": 40}, Condition.SILENT, Reaction.STOP_ON_PATH),
         ({"heartbeat": 100}, Condition.HEARTBEAT, Reaction.STOP_ON_PATH),

@@ -45,3 +45,11 @@ def test_what_came_after_a_gap_is_judged_only_once_it_is_regular() -> None:
         hear(track, sync)
         seen.append(track.settled)
     assert seen == [False, False, False, True, True]
+
+
+def test_how_long_a_drive_has_bounded_what_it_is_asked_for_is_counted() -> None:
+    track = AxisTrack()
+    for statusword, limited in ((0x1237, 0), (0x1A37, 1), (0x1A37, 2), (0x1237, 0)):
+        track.on_feedback(pdo.FEEDBACK.pack(statusword, 0))
+        track.end_of_cycle(1)
+        assert track.limited == limited

@@ -57,7 +57,8 @@ class Policy:
     """How much is bridged before it counts.
 
     Attributes:
-        missing: Feedbacks missing in a row, of one drive while another answers.
+        missing: Feedbacks missing in a row, of one drive while another answers; or cycles in a
+            row in which it bounds what it is asked for.
         silence: Feedbacks missing in a row, of all drives.
         late: Late cycles in a row.
         unsent: Cycles in a row whose frames could not be sent.
@@ -86,6 +87,7 @@ class AxisView:
     missing: int = 0
     alone: int = 0  # of those missing, while another drive answered
     heartbeat: int = 0
+    limited: int = 0  # cycles in a row with bit 11
     nmt: int = NmtState.OPERATIONAL
     booted: bool = False
 
@@ -144,7 +146,6 @@ class Trip:
 
 
 _FOLLOWING_ERROR = int(Status.FOLLOWING_ERROR)  # plain numbers: an IntFlag's & costs 1.5 us
-_LIMIT = int(Status.INTERNAL_LIMIT_ACTIVE)
 _FOLLOWS = int(Status.FOLLOWS_COMMAND)
 
 
@@ -194,7 +195,7 @@ def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]
         return
     if axis.statusword & _FOLLOWING_ERROR or axis.following > policy.following[index]:
         yield Trip(Condition.FOLLOWING_ERROR, stop, number)
-    if axis.statusword & _LIMIT:
+    if axis.limited >= policy.missing:  # for less, it caught up with setpoints that were lost
         yield Trip(Condition.LIMIT, stop, number)
     if axis.alone >= policy.missing or axis.missing >= policy.silence:
         yield Trip(Condition.SILENT, stop, number)
