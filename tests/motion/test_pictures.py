@@ -98,7 +98,9 @@ def test_a_refused_path_is_drawn_with_the_place_where_it_fails() -> None:
     path = dg.Path.polyline([(-41, -100, 280), (-41, 0, 335), (-70, 80, 370)], 2.0)
     with pytest.raises(dg.PathError) as refusal:
         dg.check_path(machine, path)
-    side, section, *_ = plot_refused(machine, path, refusal.value).axes
+    figure = plot_refused(machine, path, refusal.value)
+    assert " ".join(figure.get_suptitle().split()) == str(refusal.value)
+    side, section, *_ = figure.axes
     x, y, z = refusal.value.position
     mark = side.lines[-1]
     assert np.array(mark.get_data()).ravel() == pytest.approx([y, z])

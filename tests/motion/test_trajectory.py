@@ -103,6 +103,7 @@ def test_the_audit_says_in_words_what_limits(move: dg.Trajectory) -> None:
     assert found.shares[0].share >= found.shares[-1].share
     assert "carriage" in found.explain()
     assert "% of the time" in found.explain()
+    assert " 0 % of the time" not in found.explain()
     assert f"{found.picks_per_minute:.1f} picks per minute" in str(found)
     assert found.least_clearance > move.machine.clearance
     assert found.times.shape == found.use.shape == found.limiting.shape

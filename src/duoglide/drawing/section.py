@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.model import reachable
 from duoglide.kinematics.singularity import clearance
-from duoglide.kinematics.workspace import Section, section
+from duoglide.kinematics.workspace import section
 from duoglide.machine import Machine
 
 OUTLINE = "#222222"
@@ -30,7 +30,8 @@ def draw_section(axes: Axes, machine: Machine, around: ArrayLike) -> None:
     x, z, room = _field(machine, seeds)
     drawn = axes.contourf(x, z, room, levels=_levels(room), cmap="Greens", antialiased=False)
     axes.figure.colorbar(drawn, ax=axes, label="clearance [mm]", shrink=0.85, pad=0.02)
-    _draw_edge(axes, section(machine.geometry))
+    for line in with_walls([line for _, line in section(machine.geometry).outline()]):
+        axes.plot(*line.T, color=OUTLINE, linewidth=0.7)
     inside = np.argwhere(np.isfinite(room))
     field = np.stack([x[inside[:, 1]], z[inside[:, 0]]], axis=-1)
     low, high = (edge(np.vstack([field, seeds[:, ::2]]), axis=0) for edge in (np.min, np.max))
@@ -41,13 +42,17 @@ def draw_section(axes: Axes, machine: Machine, around: ArrayLike) -> None:
     axes.grid(visible=False)
 
 
-def _draw_edge(axes: Axes, reach: Section) -> None:
-    """Draw what bounds a region: the curves below and above, and a wall at both ends."""
-    lines = [line for _, line in reach.outline()]  # below and above, piece by piece in rising x
+def with_walls(lines: list[FloatArray]) -> list[FloatArray]:
+    """Close the outline of a section.
+
+    Args:
+        lines: The curves below and above, piece by piece in rising x, each of shape (n, 2).
+
+    Returns:
+        The same, and a wall at both ends.
+    """
     ends = ((lines[:2], 0), (lines[-2:], -1)) if lines else ()
-    walls = [np.stack([line[end] for line in pair]) for pair, end in ends]
-    for line in lines + walls:
-        axes.plot(*line.T, color=OUTLINE, linewidth=0.7)
+    return [*lines, *(np.stack([line[end] for line in pair]) for pair, end in ends)]
 
 
 def _levels(room: FloatArray) -> FloatArray:

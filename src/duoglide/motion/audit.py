@@ -49,6 +49,9 @@ class Share:
         return f"carriage {self.carriage} {name}, {100.0 * self.share:.0f} % of the time"
 
 
+_WORTH_TELLING = 0.01  # of the duration
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Audit:
     """Worst use of each limit, by finite differences of the positions that will be sent.
@@ -95,7 +98,8 @@ class Audit:
         """Say in words what limits the motion."""
         if not self.shares:
             return "no carriage limit holds the motion back"
-        return "; ".join(str(share) for share in self.shares)
+        told = [share for share in self.shares if share.share >= _WORTH_TELLING]
+        return "; ".join(str(share) for share in told or self.shares[:1])
 
     def __repr__(self) -> str:
         return (

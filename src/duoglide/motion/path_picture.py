@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ _FAILURE: dict[str, Any] = {
     "markeredgewidth": 2.0,
     "label": "fails first here",
 }
+_LETTERS = 112  # of words above a picture, a line
 _LARGE, _SMALL = (7.0, 3.6), (5.0, 2.6)
 
 
@@ -45,7 +47,7 @@ def plot_path(path: Path, size: tuple[float, float] = _LARGE) -> Picture:
         )
         for name, across, up, title in (
             ("side", 1, 2, "From the side"),
-            ("front", 0, 2, "Along the rails"),
+            ("front", 0, 2, "Across the rails"),
             ("top", 1, 0, "From above"),
         ):
             _draw_view(views[name], points, np.array(path.waypoints), (across, up), title)
@@ -87,7 +89,7 @@ def plot_refused(machine: Machine, path: Path, refusal: PathError) -> Picture:
     offset = np.subtract(machine.work_frame, machine.tool_offset)
     points = _points_of(round_corners(path).curve.moved(offset))
     where = np.array(refusal.position) if refusal.position else None
-    return _plot_in(machine, points, where, (7.0, 5.6))
+    return _plot_in(machine, points, where, (7.0, 6.0), fill(str(refusal), _LETTERS))
 
 
 def checked_html(checked: CheckedPath) -> str:
@@ -125,7 +127,11 @@ def _points_of(curve: Curve) -> FloatArray:
 
 
 def _plot_in(
-    machine: Machine, points: FloatArray, failure: FloatArray | None, size: tuple[float, float]
+    machine: Machine,
+    points: FloatArray,
+    failure: FloatArray | None,
+    size: tuple[float, float],
+    words: str = "",
 ) -> Picture:
     """Draw positions of the platform [mm], shape (n, 3), in the machine, and where they fail."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -134,6 +140,8 @@ def _plot_in(
     room = np.full(len(points), np.nan)
     room[within] = clearance(machine.geometry, points[within])
     with drawn(size) as figure:
+        if words:
+            figure.suptitle(words, fontsize=8.0, x=0.01, ha="left")
         views = figure.subplot_mosaic("aa;bc", height_ratios=(1.0, 1.6), width_ratios=(1.25, 1.0))
         side, section, way = views["a"], views["b"], views["c"]
         _draw_view(side, points, points[[0, -1]], (1, 2), "From the side")

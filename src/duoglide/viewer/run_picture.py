@@ -35,7 +35,10 @@ def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
     limits = trajectory.machine.limits.velocity / 1e3
     with drawn((7.0, 6.0)) as figure:
         rows = figure.subplots(3, 1, sharex=True)
-        draw_carriages(rows[0], times[some], data.measured_mm[some], data.machine)
+        measured = data.measured_mm[some]
+        draw_carriages(rows[0], times[some], measured, data.machine)
+        if np.isnan(measured).any():
+            rows[0].set_title("Carriages [mm]; gaps: no answer in time")
         draw_limited(rows[1], times[some], velocity, limits, "Velocity [m/s]")
         draw_curves(rows[2], times[shown], data.following_error[shown] * 1e3)  # every worst one
         rows[2].set_title("Tracking error [µm], measured minus the setpoint that was due")

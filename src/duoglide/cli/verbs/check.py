@@ -103,7 +103,8 @@ def _explain(checked: CheckedPath) -> None:
     say(f"the machine can follow this path: {length:.1f} mm, {len(checked.waypoints)} waypoints")
     say_facts((f"{entry.margin:.2f} mm", _words(entry)) for entry in checked.report.least)
     spare = tightest.margin - tightest.required
-    say(f"tightest: {tightest.family}, {spare:.2f} mm more than it must be")
+    meaning = _MEANING.get(tightest.family, tightest.family)
+    say(f"tightest: {tightest.margin:.2f} mm {meaning}, {spare:.2f} mm more than it must be")
 
 
 def _words(entry: LeastMargin) -> str:

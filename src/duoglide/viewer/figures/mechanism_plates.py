@@ -67,7 +67,7 @@ def figure_4(geometry: Geometry) -> Plate:
         x, y, z = solution.position
         title = (
             f"({letter})  m = {m:+d}, n = {n:+d}  (v = {mode.v:+d})\n"
-            f"O' = ({x:.2f}, {y:.2f}, {z:.2f})"
+            f"O' = ({x:.2f}, {y:.2f}, {z:.2f}) mm"
         )
         panels.append(Solid(title, robot(geometry, solution.position, mode), View(-118.0, 12.0)))
     caption = (
@@ -98,7 +98,7 @@ def figure_5(geometry: Geometry) -> Plate:
             continue
         kind = "singular: legs parallel" if solution.singular else "regular"
         y1, y2, y3 = solution.carriages
-        title = f"No. {number}  ({kind})\n$y_A$ = ({y1:.2f}, {y2:.2f}, {y3:.2f})"
+        title = f"No. {number}  ({kind})\n$y_A$ = ({y1:.2f}, {y2:.2f}, {y3:.2f}) mm"
         scene = robot(geometry, position, solution.mode, labels=False)
         panels.append(Solid(title, scene, View(-118.0, 14.0)))
     caption = (
@@ -125,7 +125,7 @@ def figure_6(geometry: Geometry) -> Plate:
         ("b", "legs vertical, $p_1 = p_2 = 0$", base + A + g.leg_length - 1e-6),
     ):
         for pose in _middle_of_reachable(g, candidates, z):
-            title = f"({letter})  {name}\nO' = ({pose[0]:.1f}, {pose[1]:.0f}, {pose[2]:.1f})"
+            title = f"({letter})  {name}\nO' = ({pose[0]:.1f}, {pose[1]:.0f}, {pose[2]:.1f}) mm"
             panels.append(Solid(title, robot(geometry, pose), View(-118.0, 14.0)))
     caption = (
         "Serial singularities, both edges of the workspace: (a) the paper's example, where carriage"
@@ -158,7 +158,7 @@ def figure_7(geometry: Geometry) -> Plate:
         scene = robot(geometry, pose, mode, labels=False)
         free = free_motion(geometry, pose, mode)
         scene.add(arrow(pose, free), arrow(pose, -free))
-        title = f"({letter})  {name}\nO' = ({pose[0]:.1f}, {pose[1]:.1f}, {pose[2]:.1f})"
+        title = f"({letter})  {name}\nO' = ({pose[0]:.1f}, {pose[1]:.1f}, {pose[2]:.1f}) mm"
         view = View(-92.0, 4.0) if letter == "b" else View(-118.0, 14.0)
         panels.append(Solid(title, scene, view))
     caption = (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duoglide.arrays import FloatArray
+from duoglide.drawing.section import with_walls
 from duoglide.kinematics.workspace import Constraints, section
 from duoglide.machine import Geometry
 from duoglide.viewer.figures.frame import frame
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 ALONG = View(-68.0, 20.0)
 CORNER = View(-38.0, 24.0)
-WORKSPACE = "#4daf6a"
+WORKSPACE, _EDGE = "#4daf6a", "#2d7a45"
 SEARCH_BOX = ((-150.0, 150.0), (-200.0, 200.0), (380.0, 550.0))  # Section 4 of the paper
 XYZ = ("x [mm]", "y [mm]", "z [mm]")
 
@@ -122,8 +123,8 @@ def _side(geometry: Geometry, axes: Axes) -> None:
             spans.append((y, float(low), float(high)))
     along, lowest, highest = np.array(spans).T
     axes.fill_between(along, lowest, highest, color=WORKSPACE, alpha=0.4, lw=0)
-    for edge in (lowest, highest):
-        axes.plot(along, edge, color="#2d7a45", lw=1.0)
+    around = np.concatenate([[lowest[0]], highest, lowest[::-1]])
+    axes.plot(np.concatenate([along[:1], along, along[::-1]]), around, color=_EDGE, lw=1.0)
     _dashed_box(axes, SEARCH_BOX[1], SEARCH_BOX[2])
     axes.set(xlabel="y [mm]", ylabel="z [mm]", xlim=(-370, 370), ylim=(0, 580))
     axes.set_aspect("equal")
@@ -144,8 +145,8 @@ def _fill_section(axes: Axes, geometry: Geometry) -> None:
     for piece in found.pieces:
         x = np.linspace(piece.start + 1e-6, piece.end - 1e-6, 200)
         axes.fill_between(x, piece.low.z(x), piece.high.z(x), color=WORKSPACE, alpha=0.4, lw=0)
-    for _, line in found.outline():
-        axes.plot(*line.T, color="#2d7a45", lw=1.0)
+    for line in with_walls([line for _, line in found.outline()]):
+        axes.plot(*line.T, color=_EDGE, lw=1.0)
 
 
 def _dashed_box(axes: Axes, across: tuple[float, float], up: tuple[float, float]) -> None:

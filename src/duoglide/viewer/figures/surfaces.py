@@ -14,7 +14,7 @@ from duoglide.viewer.figures.scene import Panels
 COLOURS = {
     "legs vertical": "#e69f00",
     "strut": "#56b4e9",
-    "arm flat": "#009e73",
+    "arm flat": "#5e3c99",
     "legs parallel": "#999999",
     "legs flat": "#d55e00",
     "arm in line with strut (case 2)": "#cc0050",
