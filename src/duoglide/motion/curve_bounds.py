@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import comb
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, read_only
 from duoglide.motion.curve import Curve
 
 _ROUNDING = 1.0 + 1e-12
@@ -39,13 +40,14 @@ def curve_bounds(curve: Curve) -> CurveBounds:
         powers = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / curve.spans[:, None, None]
         if powers.shape[1] == 0:
             powers = np.zeros((curve.count, 1, 3))
-        bound = np.abs(_bernstein(powers.shape[1] - 1) @ powers).max(axis=1)
+        bound = np.abs(bernstein(powers.shape[1] - 1) @ powers).max(axis=1)
         bound[arcs] = radius * rate**order
         bounds.append(bound * _ROUNDING)
     return CurveBounds(*bounds)
 
 
-def _bernstein(degree: int) -> FloatArray:
-    """Matrix from powers of u to Bernstein coefficients on [0, 1]."""
+@cache
+def bernstein(degree: int) -> FloatArray:
+    """Return the matrix from powers of u to Bernstein coefficients on [0, 1]."""
     rows = range(degree + 1)
-    return np.array([[comb(i, j) / comb(degree, j) for j in rows] for i in rows])
+    return read_only(np.array([[comb(i, j) / comb(degree, j) for j in rows] for i in rows]))

@@ -79,7 +79,7 @@ def room(machine: Machine, carriages: FloatArray) -> Room:
     keep_out = np.full(closed.shape, np.inf)
     for box in machine.keep_out:
         outside = np.maximum(np.array(box.low) - position, position - np.array(box.high))
-        keep_out = np.minimum(keep_out, np.nan_to_num(_box_distance(outside), nan=-np.inf))
+        keep_out = np.minimum(keep_out, np.nan_to_num(box_distance(outside), nan=-np.inf))
     return Room(
         clearance=clear,
         travel=machine.geometry.rail_half_length - np.abs(carriages).max(axis=-1),
@@ -88,31 +88,7 @@ def room(machine: Machine, carriages: FloatArray) -> Room:
     )
 
 
-def platform_speed(machine: Machine, carriages: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return how fast the platform moves [mm/s], shape (...); inf where the links do not close.
-
-    From the loop equations u^2 + A^2 = l6^2 and X^2 + Z^2 + q^2 = l9^2, differentiated.
-    """
-    g = machine.geometry
-    position, closed = locate(machine, carriages)
-    B = carriages[..., 1] - carriages[..., 0] - g.coupler_length
-    X = position[..., 0] + g.rail_half_spacing - g.platform_half_width
-    Z = position[..., 2] - g.strut_drop - g.carriage_height
-    u = position[..., 0] + g.platform_half_width - g.rail_half_spacing
-    with np.errstate(invalid="ignore", divide="ignore"):
-        h = np.sqrt((g.leg_length - 0.5 * B) * (g.leg_length + 0.5 * B))
-        A = position[..., 2] - (g.carriage_height + g.riser_height + g.arm_drop) - h
-        h_dot = -0.25 * B / h * (velocity[..., 1] - velocity[..., 0])
-        y_dot = 0.5 * (velocity[..., 0] + velocity[..., 1])
-        pull = -(carriages[..., 2] - position[..., 1]) * (velocity[..., 2] - y_dot)
-        turn = u * Z - A * X
-        x_dot = A * (Z * h_dot - pull) / turn
-        z_dot = (u * pull - A * X * h_dot) / turn
-        speed = np.sqrt(x_dot**2 + y_dot**2 + z_dot**2)
-    return np.where(closed, speed, np.inf)
-
-
-def _box_distance(outside: FloatArray) -> FloatArray:
+def box_distance(outside: FloatArray) -> FloatArray:
     """Return the signed distance to a box from how far outside its sides a point is (..., 3)."""
     beyond = np.linalg.norm(np.maximum(outside, 0.0), axis=-1)
     distance: FloatArray = beyond + np.minimum(outside.max(axis=-1), 0.0)

@@ -8,10 +8,12 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import PathError
 from duoglide.machine import Machine
 from duoglide.motion.transfer_path import TransferPath
-from duoglide.planning._admissible import TOUCHING, locate, platform_speed, room
+from duoglide.planning._admissible import TOUCHING, locate, room
+from duoglide.planning._nearby import Patch, room_on, with_pairs
 
 FIRST_CELLS = 64
-_SPEED_RESERVE = 1.5  # how much faster than at its ends and middle the platform may be in a cell
+_SHARP = 1e-3  # mm, to which the least clearance is found
+_SURE = 0.9 * TOUCHING  # a bound this far above what is required certifies a cell
 _FINEST = 2.0**-40  # of the duration
 
 
@@ -19,12 +21,12 @@ def certify(machine: Machine, path: TransferPath) -> float:
     """Require reach, clearance, travel, carriage order and keep-out along the whole of ``path``.
 
     Travel and order are extremes of cubic polynomials: exact. Clearance and the distance to
-    keep-out boxes change by at most the way that the platform moves, so that a cell of time is
-    clear if its middle has more room than the platform covers in half of it; a cell that is not
-    is halved. The platform's speed in a cell is taken as 1.5 times its largest at ends and middle.
+    keep-out boxes are bounded in cells of time from the carriages' velocity in the middle and their
+    largest acceleration (``_nearby``); a cell that is not certain to have enough is halved. Nothing
+    between two samples is left out.
 
     Returns:
-        The least distance to a singular surface or edge of reach that was seen [mm].
+        The least distance to a singular surface or edge of reach, to 0.001 mm: a lower bound [mm].
 
     Raises:
         PathError: Where, what and by how much.
@@ -34,24 +36,32 @@ def certify(machine: Machine, path: TransferPath) -> float:
         np.concatenate([path.breaks, np.linspace(0.0, path.duration, FIRST_CELLS + 1)])
     )
     low, high = edges[:-1], edges[1:]
-    least = np.inf
+    seen = sure = np.inf
     while low.size:
-        middle = 0.5 * (low + high)
-        states = path.derivatives(np.stack([low, middle, high]))
-        here = room(machine, states[1, :, 0])
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        enough = max(seen - _SHARP, _SURE) if seen < np.inf else -np.inf
+        here, lowest = room_on(machine, _patch(path, middle, half), enough)
+        seen = min(seen, float(here.clearance.min()))
         left = np.minimum(here.clearance, here.keep_out)
-        least = min(least, float(here.clearance.min()))
         if left.min() <= TOUCHING:
             raise _refusal(machine, path, float(middle[np.argmin(left)]))
-        speed = platform_speed(machine, states[..., 0, :], states[..., 1, :]).max(axis=0)
-        unsure = left - _SPEED_RESERVE * speed * (middle - low) <= TOUCHING
+        open_ = (lowest.clearance < max(seen - _SHARP, _SURE)) | (lowest.keep_out < _SURE)
+        sure = min(sure, float(lowest.clearance[~open_].min(initial=np.inf)))
         low, high = (
-            np.concatenate([low[unsure], middle[unsure]]),
-            np.concatenate([middle[unsure], high[unsure]]),
+            np.concatenate([low[open_], middle[open_]]),
+            np.concatenate([middle[open_], high[open_]]),
         )
         if low.size and np.min(high - low) < _FINEST * path.duration:
             raise _refusal(machine, path, float(low[0]))
-    return least + machine.clearance
+    return sure + machine.clearance
+
+
+def _patch(path: TransferPath, middle: FloatArray, half: FloatArray) -> Patch:
+    """Return where the carriages are in cells of time, each within one piece."""
+    states = path.derivatives(middle)
+    half = half[:, None]
+    most = np.abs(with_pairs(states[:, 2])) + np.abs(with_pairs(states[:, 3])) * half
+    return Patch(states[:, 0], (states[:, 1] * half)[:, None], 0.5 * most * half * half)
 
 
 def _require_rails(machine: Machine, path: TransferPath) -> None:

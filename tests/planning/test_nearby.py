@@ -1,0 +1,204 @@
+"""The bounds that braking and transfers are certified with, against brute force."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ruckig
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import duoglide as dg
+from duoglide.motion.profile import Profile
+from duoglide.motion.stopping import StopBounds
+from duoglide.motion.transfer_path import TransferPath
+from duoglide.planning._admissible import locate, room
+from duoglide.planning._brake_cells import BrakeCells, Brakes
+from duoglide.planning._carriage_bounds import CarriageBounds
+from duoglide.planning._nearby import Patch, room_on, swing_of, with_pairs
+from duoglide.planning._rest_to_rest import rest_to_rest
+from duoglide.planning.braking import brake_report
+
+TABLE = dg.Machine.default().to_dict()["geometry"]
+FAMILIES = ("clearance", "travel", "order", "keep_out")
+ROUNDING = 2e-6  # mm, within which a clearance is known
+FAST = dg.transfer(dg.Machine.default(), (-80, -100, 300), (40, 100, 290), brake_safe=False)
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_machine(rng: np.random.Generator) -> dg.Machine:
+    """Draw dimensions, decelerations, and perhaps a box."""
+    scaled = {name: value * rng.uniform(0.9, 1.1) for name, value in TABLE.items()}
+    scaled |= {name: rng.uniform(-10, 10) for name in ("riser_height", "arm_drop", "strut_drop")}
+    same = bool(rng.integers(2))
+    deceleration = (6e4,) * 3 if same else tuple(rng.uniform(2e4, 1.2e5, 3).tolist())
+    machine = dg.Machine(geometry=dg.Geometry(**scaled))
+    drives = replace(machine.drives, quick_stop_deceleration=deceleration)
+    box = dg.Box(low=(-30, -30, 200), high=(-10, 10, 230))
+    return replace(machine, drives=drives, keep_out=(box,) if rng.integers(2) else ())
+
+
+def random_motion(machine: dg.Machine, rng: np.random.Generator) -> dg.Trajectory:
+    """Plan one without regard to braking: a transfer, a line, or a pick."""
+    low, high = [-90.0, -120.0, 275.0], [90.0, 120.0, 315.0]
+    for _ in range(50):
+        start, goal, kind = rng.uniform(low, high), rng.uniform(low, high), rng.integers(3)
+        try:
+            if kind == 0:
+                return dg.transfer(machine, start, goal, brake_safe=False)
+            if kind == 1:
+                return dg.plan(machine, dg.Path.line(start, goal), brake_safe=False)
+            path = dg.pick_and_place(start, goal, lift=15.0, tolerance=3.0)
+            return dg.plan(machine, path, brake_safe=False)
+        except dg.DuoglideError:
+            continue
+    pytest.skip("this geometry leaves hardly any room")
+
+
+def brakes_in(cells: BrakeCells, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return carriages on a grid in each cell (n, count^2, 3), and the grid from -1 to 1."""
+    along, across = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, count)], indexing="ij")
+    grid = np.stack([along.ravel(), across.ravel()])
+    half = cells.columns.half[cells.column]
+    u = (cells.u[:, None] + half[:, None] * grid[0]).ravel()
+    t = (cells.t[:, None] + cells.half[:, None] * grid[1]).ravel()
+    state = cells.bounds.trajectory.at(u)
+    machine = cells.bounds.trajectory.machine
+    coast = np.repeat(cells.coast, grid.shape[1])
+    brakes = Brakes(machine, state.carriages, state.velocity, coast)
+    lasting = brakes.lasting
+    share = np.divide(t, lasting, out=np.zeros_like(t), where=lasting > 0.0)
+    return brakes.at(share).reshape(len(cells), -1, 3), grid
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_no_brake_of_a_cell_leaves_its_patch_or_has_less_room_than_is_certain(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    motion = random_motion(random_machine(rng), rng)
+    edges = np.linspace(0.0, motion.duration, 13)
+    cells = BrakeCells.cover(CarriageBounds.of(motion), edges, 4)
+    patch = cells.patch()
+    carriages, grid = brakes_in(cells, 9)
+    moved = with_pairs(carriages - patch.middle[:, None])
+    ways = with_pairs(patch.ways)
+    straight = ways[:, :1] * grid[0][:, None] + ways[:, 1:] * grid[1][:, None]
+    off = np.abs(moved - straight).max(axis=1)
+    assert np.all(off <= patch.beyond * (1.0 + 1e-9) + 1e-9)
+    found = room(motion.machine, carriages)
+    here, crude = room_on(motion.machine, patch, -np.inf)
+    _, sharp = room_on(motion.machine, patch, float(here.clearance.min()) - 0.5)
+    for family in FAMILIES:
+        least = getattr(found, family).min(axis=1)
+        assert np.all(getattr(crude, family) <= least + ROUNDING)
+        assert np.all(getattr(sharp, family) <= least + ROUNDING)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_cells_that_are_cut_cover_the_same_brakes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    motion = FAST
+    cells = BrakeCells.cover(CarriageBounds.of(motion), np.linspace(0.0, motion.duration, 9), 3)
+    rows = np.flatnonzero(rng.random(len(cells)) < 0.3)
+    children = cells.cut(rows, cells.patch())
+    area = cells.columns.half[cells.column] * cells.half
+    pieces = children.columns.half[children.column] * children.half
+    assert pieces.sum() == pytest.approx(area[rows].sum())
+    for row in rows[:3]:
+        u, t = cells.u[row], cells.t[row]
+        wide, high = cells.columns.half[cells.column[row]], cells.half[row]
+        for _ in range(5):
+            at_u, at_t = u + wide * rng.uniform(-1, 1), t + high * rng.uniform(-1, 1)
+            inside = np.abs(children.u - at_u) <= children.columns.half[children.column]
+            inside &= np.abs(children.t - at_t) <= children.half
+            assert np.any(inside & (children.coast == cells.coast[row]))
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_brute_force_finds_no_less_than_the_report_and_not_much_more(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    motion = random_motion(random_machine(rng), rng)
+    report = brake_report(motion)
+    edges = np.linspace(0.0, motion.duration, 41)
+    carriages, _ = brakes_in(BrakeCells.cover(CarriageBounds.of(motion), edges, 8), 5)
+    found = room(motion.machine, carriages)
+    assert report.room <= found.least().min() + ROUNDING
+    clearance = float(found.clearance.min()) + motion.machine.clearance
+    assert report.clearance <= clearance + ROUNDING
+    if report.safe:
+        assert report.clearance >= clearance - max(0.1, 0.1 * clearance)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_a_transfer_is_certain_to_keep_what_it_reports(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    machine = random_machine(rng)
+    low, high = [-90.0, -120.0, 275.0], [90.0, 120.0, 315.0]
+    try:
+        motion = dg.transfer(machine, rng.uniform(low, high), rng.uniform(low, high))
+    except dg.PathError:
+        return
+    positions = motion.position_at(np.linspace(0.0, motion.duration, 5001))
+    least = float(dg.clearance(machine.geometry, positions).min())
+    assert motion.path.least_clearance <= least + ROUNDING
+    assert motion.path.least_clearance >= least - 2e-3
+
+
+def test_the_way_of_the_platform_is_bounded_about_any_pose() -> None:
+    rng = np.random.default_rng(3)
+    machine = dg.Machine.default()
+    poses = rng.uniform((-130.0, 0.0, 90.0), (200.0, 0.0, 365.0), (4000, 3))
+    middle = dg.inverse(machine.geometry, poses[dg.reachable(machine.geometry, poses)])
+    middle = middle[locate(machine, middle)[1]]
+    position = locate(machine, middle)[0]
+    size = 10.0 ** rng.uniform(-2.0, 1.5, (len(middle), 1))
+    beyond = np.zeros((len(middle), 5))
+    beyond[:, 3:] = size * rng.uniform(0.1, 1.0, (len(middle), 2))
+    _, off, farthest = swing_of(
+        machine, Patch(middle, np.zeros((len(middle), 0, 3)), beyond), position
+    )
+    bound = np.minimum(off, farthest)
+    known = np.isfinite(bound)
+    assert known.sum() > 500
+    inside = bound < room(machine, middle).clearance + machine.clearance
+    most = np.zeros(len(middle))
+    corners = [[i, j] for i in (-1.0, 1.0) for j in (-1.0, 1.0)]
+    for dB, dD in np.concatenate([rng.uniform(-1.0, 1.0, (200, 2)), corners]):
+        far_B, far_D = dB * beyond[:, 3], dD * beyond[:, 4]
+        found, closed = locate(machine, middle + np.stack([-0.5 * far_B, 0.5 * far_B, far_D], -1))
+        assert closed[inside].all()
+        most = np.fmax(most, np.linalg.norm((found - position)[:, ::2], axis=-1))
+    assert np.all(most[known] <= bound[known] * (1.0 + 1e-9) + 1e-9)
+    near = known & (size[:, 0] < 0.1)
+    assert np.median(most[near] / bound[near]) > 0.7
+
+
+def test_a_dart_between_two_samples_is_seen() -> None:
+    """Forth and back by 1 mm in 2 ms; where cells of 4 ms have middles and ends, nothing moves."""
+    machine = dg.Machine.default()
+    start = dg.inverse(machine.geometry, (-41.0, 0.0, 302.0))
+    goal = start + np.array([-0.5, 0.5, 0.0])
+    limits = dg.CarriageLimits(velocity=1e4, acceleration=1e7, jerk=1e11)
+    breaks, there = rest_to_rest(start, goal, limits, ruckig.Synchronization.Phase)
+    _, back = rest_to_rest(goal, start, limits, ruckig.Synchronization.Phase)
+    still = np.zeros((1, 4, 3))
+    still[0, 0] = start
+    leave, arrive = 0.0121, 0.0121 + 2.0 * breaks[-1]
+    assert arrive < 0.0139
+    times = np.concatenate([[0.0], leave + breaks, leave + breaks[-1] + breaks[1:], [0.032]])
+    path = TransferPath(machine, times, np.concatenate([still, there, back, still]), 60.0)
+    profile = Profile(np.array([[0.0, 0.0, 1.0, 0.0], [0.032, 0.032, 1.0, 0.0]]))
+    motion = dg.Trajectory(path, profile, StopBounds.constant(0.032, 1.0, 1.0))
+    samples = motion.at(np.linspace(0.0, 0.032, 17))
+    assert not samples.velocity.any()
+    report = brake_report(motion)
+    assert leave < report.time < arrive
+    rows = motion.at(np.linspace(leave, arrive, 400))
+    brakes = Brakes(machine, rows.carriages, rows.velocity, np.full(400, machine.drives.cycle))
+    found = room(machine, brakes.at(np.ones(400)))
+    assert report.clearance <= found.clearance.min() + machine.clearance < 60.0
