@@ -35,6 +35,7 @@ _FOLD = (  # products of two polynomials of degree 5, as a matrix
 _GRID = np.linspace(0.0, 1.0, 65)
 _GRID_POWERS = _GRID ** _EXPONENTS[:, None]
 _NEWTON = 4
+_STILL = 1e-12  # of u; a step this short is the last
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,15 +116,18 @@ def nearest(coefficients: FloatArray, point: FloatArray) -> tuple[FloatArray, Fl
     squares = (shifted @ shifted.transpose(0, 2, 1)).reshape(-1, 36) @ _FOLD  # of the distance
     best = np.argmin(squares @ _GRID_POWERS, axis=1)
     low, high = _GRID[np.maximum(best - 1, 0)], _GRID[np.minimum(best + 1, _GRID.size - 1)]
-    u, slopes = _GRID[best], squares[:, 1:] * _EXPONENTS[1:]
-    bends = slopes[:, 1:] * _EXPONENTS[1:-1]
+    u, rates = _GRID[best], np.zeros((len(best), 2, _EXPONENTS.size - 1))  # of the square, by u
+    rates[:, 0] = squares[:, 1:] * _EXPONENTS[1:]
+    rates[:, 1, :-1] = rates[:, 0, 1:] * _EXPONENTS[1:-1]
     for _ in range(_NEWTON):  # on the derivative, kept in its bracket
-        powers = u[:, None] ** _EXPONENTS[:-1]
-        slope, bend = (slopes * powers).sum(axis=1), (bends * powers[:, :-1]).sum(axis=1)
-        high, low = np.where(slope > 0.0, u, high), np.where(slope > 0.0, low, u)
+        slope, bend = (rates @ (u[:, None] ** _EXPONENTS[:-1])[..., None])[..., 0].T
+        rising = slope > 0.0
+        high, low = np.where(rising, u, high), np.where(rising, low, u)
         step = u - slope / np.where(bend > 0.0, bend, np.inf)
-        u = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-    offset = ((u[:, None] ** _EXPONENTS[:6])[..., None] * shifted).sum(axis=1)
+        before, u = u, np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        if (np.abs(u - before) < _STILL).all():
+            break
+    offset = ((u[:, None] ** _EXPONENTS[:6])[:, None] @ shifted)[:, 0]
     return u, np.sqrt((offset * offset).sum(axis=1))
 
 

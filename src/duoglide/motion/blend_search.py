@@ -98,14 +98,12 @@ def _fit(
     left, shape = corners.left[which], corners.shape[which]
     goal = corners.tolerance[which] * (1.0 - _EXACT)
 
-    sigma = curve.breaks[left + 1]
-    corner = curve.derivatives(sigma, left)[:, 0]
+    corner = curve.position(curve.breaks[left + 1])
 
     def deviation(cut: FloatArray, rows: IndexArray) -> FloatArray:
         a, b = np.minimum(cut, limit_a[rows]), np.minimum(cut, limit_b[rows])
-        one = curve.derivatives(sigma[rows] - a, left[rows])
-        other = curve.derivatives(sigma[rows] + b, left[rows] + 1)
-        bends = quintics(one, other, 5.0 * shape[rows] * np.minimum(a, b))
+        states = curve.both_sides(a, b, left[rows])
+        bends = quintics(*states, 5.0 * shape[rows] * np.minimum(a, b))
         return nearest(bends, corner[rows])[1]
 
     low = np.zeros(goal.size)

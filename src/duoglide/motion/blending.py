@@ -74,8 +74,7 @@ def _sort_corners(path: Path, raw: RawPath) -> tuple[BoolArray, BoolArray]:
     """Tell which corners are rests, and which are to be rounded; the others join smoothly."""
     curve, left = raw.curve, raw.joints
     sigma = curve.breaks[left + 1]
-    one = curve.derivatives(sigma, left)
-    other = curve.derivatives(sigma, left + 1)
+    one, other = curve.both_sides(0.0, 0.0, left)
     jump = np.abs(one[:, 1:3] - other[:, 1:3]).max(axis=(1, 2), initial=0.0)
     short = np.minimum(curve.spans[left], curve.spans[left + 1])
     t0, t1 = one[:, 1], other[:, 1]
@@ -163,10 +162,7 @@ def _assemble(
     stop[left] -= before
     spans = np.where(stop - skip > VANISHED, stop - skip, 0.0)
     kept = _trimmed(curve, skip, spans)
-    states = (
-        curve.derivatives(curve.breaks[left + 1] - before, left),
-        curve.derivatives(curve.breaks[left + 1] + after, left + 1),
-    )
+    states = curve.both_sides(before, after, left)
     bend_spans = 5.0 * corners.shape * np.minimum(before, after)
     bends = quintics(*states, bend_spans)
     order = np.argsort(np.concatenate([np.arange(curve.count) * 2, left * 2 + 1]))

@@ -11,17 +11,15 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from math import cos, sin
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray, as_floats, read_only
 from duoglide.errors import InputError
+from duoglide.motion._curve_pieces import DERIVATIVES, arc_at, integral, power_tables, powers_of
 
-DERIVATIVES = 4  # position and three derivatives
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _PANELS = 64  # at most, where |p'| nearly vanishes
 _LENGTH_ERROR = 1e-9  # [mm] of arc length, per piece
 
@@ -87,7 +85,13 @@ class Curve:
 
     def piece_at(self, sigma: FloatArray) -> np.ndarray[Any, np.dtype[np.intp]]:
         """Return the index of the piece that holds each sigma; at a break, the later one."""
-        return np.clip(np.searchsorted(self.breaks, sigma, side="right") - 1, 0, self.count - 1)
+        return self._inner.searchsorted(sigma, side="right")
+
+    @cached_property
+    def _inner(self) -> FloatArray:
+        """Sigma where one piece ends and the next begins [mm]."""
+        inner: FloatArray = self.breaks[1:-1]
+        return inner
 
     def derivatives(self, sigma: float | FloatArray, piece: Any = None) -> FloatArray:
         """Evaluate p, p', p'' and p''' by sigma.
@@ -112,6 +116,26 @@ class Curve:
             result[arcs] = self._arcs(local[arcs], index[arcs])
         return result
 
+    def both_sides(
+        self, before: float | FloatArray, after: float | FloatArray, left: Any
+    ) -> tuple[FloatArray, FloatArray]:
+        """Evaluate position and three derivatives before and after joints of two pieces.
+
+        Args:
+            before: How far before each joint, on the piece there [mm], shape (n,) or a number.
+            after: The same after it, on the next piece.
+            left: Index of the piece before each joint, shape (n,).
+
+        Returns:
+            What ``derivatives`` gives on either side, each of shape (n, 4, 3).
+        """
+        sigma = np.empty((2, left.size))
+        sigma[:] = self.breaks[left + 1]
+        sigma[0] -= before
+        sigma[1] += after
+        states = self.derivatives(sigma, np.stack([left, left + 1]))
+        return states[0], states[1]
+
     @cached_property
     def _has_arcs(self) -> bool:
         return bool(self.rates.any())
@@ -120,14 +144,10 @@ class Curve:
         """Evaluate polynomials and three derivatives as one product of small matrices."""
         inverse = 1.0 / self.spans[index]
         c = self.coefficients[index]
-        powers = np.ones((local.size, c.shape[1]))
-        powers[:, 1:] = (local * inverse)[:, None]
-        np.multiply.accumulate(powers, axis=1, out=powers)
-        scale = np.ones((local.size, DERIVATIVES, 1))
-        scale[:, 1:, 0] = inverse[:, None]
-        np.multiply.accumulate(scale, axis=1, out=scale)
-        lowered, factors = _power_tables(c.shape[1])
-        result: FloatArray = ((powers[:, lowered] * factors) @ c) * scale
+        lowered, factors = power_tables(c.shape[1])
+        powers = powers_of(local * inverse, c.shape[1])
+        result: FloatArray = (powers[:, lowered] * factors) @ c
+        result *= powers_of(inverse, DERIVATIVES)[..., None]
         return result
 
     def _arcs(self, local: FloatArray, index: Any) -> FloatArray:
@@ -149,7 +169,7 @@ class Curve:
         local, span, rate = sigma - breaks[index], spans[index], rates[index]
         rows = self.coefficients[index].tolist()
         if rate > 0.0:
-            return _arc_at(rows, local, rate)
+            return arc_at(rows, local, rate)
         u, w = local / span, 1.0 / span
         first, second, third = w, 2.0 * w * w, 6.0 * w * w * w
         result = ([], [], [], [])  # type: tuple[list[float], ...]
@@ -173,9 +193,7 @@ class Curve:
         values = np.minimum(np.maximum(np.asarray(sigma, dtype=np.float64), 0.0), self.end)
         index = self.piece_at(values)
         c = self.coefficients[index]
-        powers = np.ones((*values.shape, c.shape[-2]))
-        powers[..., 1:] = ((values - self.breaks[index]) / self.spans[index])[..., None]
-        np.multiply.accumulate(powers, axis=-1, out=powers)
+        powers = powers_of((values - self.breaks[index]) / self.spans[index], c.shape[-2])
         found: FloatArray = (powers[..., None, :] @ c)[..., 0, :]
         return found
 
@@ -199,10 +217,10 @@ class Curve:
         """Integrate |p'| over the first ``local`` mm of sigma of polynomial pieces."""
         span, rows = self.spans[index], self.coefficients[index]
         panels, going = 2, np.arange(local.size)
-        total = _integral(rows, span, local, panels)
+        total = integral(rows, span, local, panels)
         while going.size and panels < _PANELS:
             panels *= 2
-            finer = _integral(rows[going], span[going], local[going], panels)
+            finer = integral(rows[going], span[going], local[going], panels)
             change = np.abs(finer - total[going])
             total[going] = finer
             going = going[change > _LENGTH_ERROR]
@@ -210,7 +228,7 @@ class Curve:
 
     def arc_length(self, sigma: float | FloatArray) -> FloatArray:
         """Return the distance along the curve from its start to ``sigma`` [mm], same shape."""
-        values = np.clip(np.asarray(sigma, dtype=np.float64), 0.0, self.end)
+        values = np.minimum(np.maximum(np.asarray(sigma, dtype=np.float64), 0.0), self.end)
         index = self.piece_at(values)
         local = np.array(values - self.breaks[index])
         bent = ~self._is_unit[index] & (local > 0.0)
@@ -260,41 +278,3 @@ class Curve:
 
     def __repr__(self) -> str:
         return f"Curve({self.length:.6g} mm, {self.count} pieces, {len(self.rests)} rests)"
-
-
-def _arc_at(rows: list[list[float]], local: float, rate: float) -> FloatArray:
-    """Evaluate one point of one arc."""
-    cosine, sine = cos(rate * local), sin(rate * local)
-    drop = 2.0 * sin(0.5 * rate * local) ** 2
-    result = ([], [], [], [])  # type: tuple[list[float], ...]
-    for axis in range(3):
-        first, second = rows[1][axis], rows[2][axis]
-        radial = first * cosine + second * sine
-        along = (second * cosine - first * sine) * rate
-        result[0].append(rows[0][axis] + (second * sine - first * drop))
-        result[1].append(along)
-        result[2].append(-radial * rate * rate)
-        result[3].append(-along * rate * rate)
-    return np.array(result)
-
-
-@lru_cache
-def _power_tables(count: int) -> tuple[Any, FloatArray]:
-    """Exponent and factor of u^k in its derivatives 0 to 3, for k below ``count``."""
-    k, order = np.arange(count), np.arange(DERIVATIVES)[:, None]
-    factors = np.ones((DERIVATIVES, count))
-    for i in range(DERIVATIVES - 1):
-        factors *= np.where(order > i, np.maximum(k - i, 0), 1)
-    return np.maximum(k - order, 0), factors
-
-
-def _integral(rows: FloatArray, span: FloatArray, end: FloatArray, panels: int) -> FloatArray:
-    """Integrate |p'| of polynomials from s = 0 to ``end`` by Gauss-Legendre, shape (n,)."""
-    nodes = ((np.arange(panels)[:, None] + 0.5 * (1.0 + _NODES)) / panels).ravel()
-    u = (end / span)[:, None] * nodes
-    slope = np.zeros((*u.shape, 3))
-    for k in range(rows.shape[1] - 1, 0, -1):
-        slope = slope * u[..., None] + k * rows[:, k, None, :]
-    speed = np.sqrt((slope * slope).sum(axis=-1)).reshape(-1, panels, _NODES.size)
-    lengths: FloatArray = (speed @ _WEIGHTS).sum(axis=1) * end / (2.0 * panels * span)
-    return lengths

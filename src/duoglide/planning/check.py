@@ -74,11 +74,12 @@ def check_curve(machine: Machine, curve: Curve) -> CheckReport:
 def _require_whole(curve: Curve) -> None:
     """Refuse a curve whose pieces do not meet, or bend abruptly where no rest is declared."""
     inner = curve.breaks[1:-1]
-    left = np.arange(inner.size)
-    jumps = np.abs(curve.derivatives(inner, left + 1) - curve.derivatives(inner, left)).max(axis=-1)
+    before, after = curve.both_sides(0.0, 0.0, np.arange(inner.size))
+    jumps = np.abs(after - before).max(axis=-1)
     short = np.minimum(curve.spans[:-1], curve.spans[1:])[:, None]
     torn = jumps[:, :3] > TORN + ROUNDING / short ** np.arange(3)
-    torn[np.isin(inner, curve.rests), 1:] = False
+    if curve.rests:
+        torn[np.isin(inner, curve.rests), 1:] = False
     torn = torn.any(axis=1)
     if torn.any():
         sigma = float(inner[np.argmax(torn)])

@@ -98,9 +98,11 @@ def _vertices(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     Returns:
         Least value of each parabola, and where it is on [-1, 1], shape (intervals, families).
     """
-    middle = values.argmin(axis=1).clip(1, _LOOKS.size - 2)[:, None]
-    before, here, after = (np.take_along_axis(values, middle + i, axis=1)[:, 0] for i in (-1, 0, 1))
+    count, looks, families = values.shape
+    middle = np.minimum(np.maximum(values.argmin(axis=1), 1), looks - 2)
+    rows, columns = np.arange(count)[:, None], np.arange(families)
+    before, here, after = (values[rows, middle + i, columns] for i in (-1, 0, 1))
     bend = np.maximum(before - 2.0 * here + after, 1e-12)
-    shift = (0.5 * (before - after) / bend).clip(-1.0, 1.0)
+    shift = np.minimum(np.maximum(0.5 * (before - after) / bend, -1.0), 1.0)
     least = here + 0.5 * shift * (after - before) + 0.5 * shift * shift * bend
-    return least, _LOOKS[middle[:, 0]] + shift * (_LOOKS[1] - _LOOKS[0])
+    return least, _LOOKS[middle] + shift * (_LOOKS[1] - _LOOKS[0])

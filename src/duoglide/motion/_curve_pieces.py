@@ -1,0 +1,59 @@
+"""Values, powers and lengths of the pieces of a curve."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import cos, sin
+from typing import Any
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+
+DERIVATIVES = 4  # position and three derivatives
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+
+
+def arc_at(rows: list[list[float]], local: float, rate: float) -> FloatArray:
+    """Evaluate one point of one arc."""
+    cosine, sine = cos(rate * local), sin(rate * local)
+    drop = 2.0 * sin(0.5 * rate * local) ** 2
+    result = ([], [], [], [])  # type: tuple[list[float], ...]
+    for axis in range(3):
+        first, second = rows[1][axis], rows[2][axis]
+        radial = first * cosine + second * sine
+        along = (second * cosine - first * sine) * rate
+        result[0].append(rows[0][axis] + (second * sine - first * drop))
+        result[1].append(along)
+        result[2].append(-radial * rate * rate)
+        result[3].append(-along * rate * rate)
+    return np.array(result)
+
+
+@lru_cache
+def power_tables(count: int) -> tuple[Any, FloatArray]:
+    """Exponent and factor of u^k in its derivatives 0 to 3, for k below ``count``."""
+    k, order = np.arange(count), np.arange(DERIVATIVES)[:, None]
+    factors = np.ones((DERIVATIVES, count))
+    for i in range(DERIVATIVES - 1):
+        factors *= np.where(order > i, np.maximum(k - i, 0), 1)
+    return np.maximum(k - order, 0), factors
+
+
+def powers_of(base: FloatArray, count: int) -> FloatArray:
+    """Return base^0 to base^(count - 1), shape (..., count)."""
+    powers = np.empty((*base.shape, count))
+    powers[..., 0] = 1.0
+    powers[..., 1:] = base[..., None]
+    return np.multiply.accumulate(powers, axis=-1, out=powers)
+
+
+def integral(rows: FloatArray, span: FloatArray, end: FloatArray, panels: int) -> FloatArray:
+    """Integrate |p'| of polynomials from s = 0 to ``end`` by Gauss-Legendre, shape (n,)."""
+    nodes = ((np.arange(panels)[:, None] + 0.5 * (1.0 + _NODES)) / panels).ravel()
+    u = (end / span)[:, None] * nodes
+    degree = rows.shape[1] - 1
+    slope = powers_of(u, degree) @ (rows[:, 1:] * np.arange(1.0, degree + 1.0)[:, None])
+    speed = np.sqrt((slope * slope).sum(axis=-1)).reshape(-1, panels, _NODES.size)
+    lengths: FloatArray = (speed @ _WEIGHTS).sum(axis=1) * end / (2.0 * panels * span)
+    return lengths
