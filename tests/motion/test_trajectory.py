@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -132,3 +133,17 @@ def test_the_lower_bound_is_below_and_near() -> None:
 
 def test_repr_is_short_and_has_units(move: dg.Trajectory) -> None:
     assert re.fullmatch(r"Trajectory\(0\.\d{4} s, \d+\.?\d* mm\)", repr(move))
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_the_audit_takes_no_rounding_for_jerk_whatever_the_machine_s_size(size: float) -> None:
+    geometry = dg.Geometry(
+        **{f.name: getattr(dg.Geometry(), f.name) * size for f in fields(dg.Geometry)}
+    )
+    limits = dg.CarriageLimits(velocity=1e3 * size, acceleration=1e4 * size, jerk=1e5)
+    machine = dg.Machine(
+        geometry=geometry, limits=limits, clearance=2.0 * size, carriage_width=60.0 * size
+    )
+    ends = np.array([[-41.0, -100.0, 302.0], [-41.0, 100.0, 302.0]]) * size
+    audit = dg.plan(machine, dg.Path.line(*ends), brake_safe=False).audit()
+    assert 0.99 < audit.worst < 1.0002

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from math import cbrt
+from math import cbrt, ulp
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 RATE = 20_000.0  # samples per second of the finite differences
 AT_LIMIT = 0.98  # use from which a limit counts as the one that holds the motion back
 MOST_SAMPLES = 500_000  # beyond that, exact derivatives are taken instead of differences
-_ROUNDING = 8.0 * 1.2e-13  # of a third difference of positions of some 500 mm [mm]
+_ROUNDING = 16.0  # of a third difference of positions, in units of their last place
 
 
 class Limit(IntEnum):
@@ -190,8 +190,11 @@ def _by_pieces(trajectory: Trajectory) -> Findings:
 
 def _step(trajectory: Trajectory) -> float:
     """Return the step of the differences: 20 kHz, or as small as rounding lets a jerk be seen."""
+    times = np.linspace(0.0, trajectory.duration, 33)
+    ways = trajectory.at(times).carriages, trajectory.position_at(times)
+    size = max(float(np.abs(way).max()) for way in ways)
     jerk = float(trajectory.machine.limits.jerk.min())
-    return max(1.0 / RATE, cbrt(_ROUNDING / (1e-4 * jerk)))
+    return max(1.0 / RATE, cbrt(_ROUNDING * ulp(size) / (1e-4 * jerk)))
 
 
 def _difference_uses(
