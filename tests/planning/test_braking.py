@@ -137,6 +137,27 @@ def test_a_retiming_under_caps_is_used_where_there_is_one() -> None:
     assert safe.duration == pytest.approx(1.3 * FAST.duration)
 
 
+def test_a_path_that_grazes_the_clearance_is_hardly_slowed() -> None:
+    radius = MACHINE.geometry.arm_length + MACHINE.clearance + 2e-6  # along the edge of legs flat
+    angles = np.array([1.9, 1.7, 1.5])
+    arc = np.stack([45.0 + radius * np.cos(angles), 0.0 * angles, 70.0 + radius * np.sin(angles)])
+    draft = dg.plan(MACHINE, dg.Path.arc(*arc.T), brake_safe=False)
+    assert not brake_report(draft).safe
+    safe = make_brake_safe(draft)
+    assert 1.999 < safe.report.braking_clearance < 2.0
+    assert safe.duration < 2.5 * draft.duration
+    assert least_clearance(safe, 60) >= safe.report.braking_clearance - 2e-6
+
+
+def test_the_audit_tells_what_braking_costs_and_leaves() -> None:
+    safe, unasked = make_brake_safe(FAST).audit(), FAST.audit()
+    assert safe.braking_clearance >= MACHINE.clearance - 1e-3
+    assert safe.braking_cost == pytest.approx(safe.duration - unasked.duration)
+    assert f"at least {safe.braking_clearance:.3f} mm" in str(safe)
+    assert np.isnan(unasked.braking_clearance)
+    assert "brake" not in str(unasked)
+
+
 @settings(max_examples=6, deadline=None, derandomize=True)
 @given(st.integers(0, 2**32 - 1))
 def test_brake_safe_motions_are_safe_for_any_drives(seed: int) -> None:

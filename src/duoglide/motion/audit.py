@@ -70,6 +70,9 @@ class Audit:
         fallback: Why the timing is a slower, certified one instead of the near-optimal one; empty
             where it is not.
         least_clearance: Least distance to a singular surface or edge of reach on the path [mm].
+        braking_clearance: The same while every drive brakes by itself, out of any instant of the
+            motion: a lower bound, certain between samples too; NaN where that was not looked at.
+        braking_cost: By how much longer the motion takes for that [s].
     """
 
     velocity: FloatArray
@@ -83,6 +86,8 @@ class Audit:
     shares: tuple[Share, ...]
     fallback: str
     least_clearance: float
+    braking_clearance: float
+    braking_cost: float
 
     @property
     def worst(self) -> float:
@@ -121,6 +126,14 @@ class Audit:
             f"limited by: {self.explain()}",
             f"least clearance {self.least_clearance:.3f} mm",
         ]
+        if self.braking_clearance == self.braking_clearance:
+            cost = (
+                f"{self.braking_cost:.4f} s slower for that" if self.braking_cost else "at no cost"
+            )
+            lines.append(
+                f"brake-safe, {cost}: clearance while all drives brake by themselves at least"
+                f" {self.braking_clearance:.3f} mm"
+            )
         if self.fallback:
             lines.append(f"slower certified timing: {self.fallback}")
         return "\n".join(lines)
@@ -134,6 +147,8 @@ def audit(trajectory: Trajectory) -> Audit:
     else:
         step = 0.0
         worst, times, use, limiting = _by_pieces(trajectory)
+    report = trajectory.report
+    before = report.duration_before_braking
     return Audit(
         velocity=read_only(worst[0]),
         acceleration=read_only(worst[1]),
@@ -144,8 +159,10 @@ def audit(trajectory: Trajectory) -> Audit:
         use=read_only(use),
         limiting=limiting,
         shares=_shares(times, limiting, use),
-        fallback=trajectory.report.reason,
+        fallback=report.reason,
         least_clearance=trajectory.path.least_clearance,
+        braking_clearance=report.braking_clearance,
+        braking_cost=max(trajectory.duration - before, 0.0) if before > 0.0 else 0.0,
     )
 
 

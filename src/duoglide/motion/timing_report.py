@@ -27,8 +27,8 @@ class TimingReport:
         reason: Why it is not the near-optimal one, all of it; empty where it is.
         brake_safe: Whether the plan was slowed so that drives may brake by themselves anywhere.
         duration_before_braking: Duration without that slow-down [s]; 0 where there was none.
-        braking_clearance: Least clearance while every drive brakes by itself [mm]; NaN where that
-            was not looked at.
+        braking_clearance: Least clearance while every drive brakes by itself [mm], a lower bound
+            that is certain between samples too; NaN where that was not looked at.
     """
 
     method: TimingMethod = TimingMethod.NEAR_OPTIMAL

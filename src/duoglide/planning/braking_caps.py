@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
+from duoglide.errors import PathError
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import room
-from duoglide.planning.braking import BrakeReport, Brakes, brake_report
+from duoglide.planning.braking import ALLOWED, BrakeReport, Brakes, brake_report
 from duoglide.planning.stopping import stop_bounds
 from duoglide.planning.timing_use import peaks
 
@@ -24,6 +25,7 @@ between, ``NO_CAP`` where there is none."""
 NO_CAP = 1e12  # mm/s
 
 _MARGIN = 0.5  # mm that caps keep beyond each bound, where the path itself has so much
+_SPENT = 0.6  # of what brakes may take from a bound: the rest is for what lies between samples
 _HARMLESS = 2e-4  # mm: no brake that is over within this needs a cap
 _HALVINGS = 10
 _FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # of the time from brake to standstill
@@ -34,6 +36,7 @@ _NONE = -1e3  # mm, room where the links come apart
 _ROUNDS = 4
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
 _SLOWER = 1.05
+_MOST_STRETCHES = 200
 
 
 def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajectory:
@@ -45,7 +48,10 @@ def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajecto
 
     Returns:
         A trajectory whose report says what the safety has cost and the least clearance while
-        braking.
+        braking, for certain.
+
+    Raises:
+        PathError: No speed is certain to be safe.
     """
     trajectory, report = draft, brake_report(draft)
     sigma, cap = np.zeros(1), np.full(1, NO_CAP)
@@ -71,10 +77,14 @@ def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajecto
 
 
 def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
-    """Stretch the whole of a trajectory in time until it is brake-safe."""
+    """Stretch the whole of a trajectory in time until it is brake-safe.
+
+    Raises:
+        PathError: It never is: its path leaves less than bounds can tell from nothing.
+    """
     sigma, speed = _sampled(trajectory)
     factor = float((speed / brake_caps(trajectory.path, sigma, speed)).max(initial=1.0))
-    while True:
+    for _ in range(_MOST_STRETCHES):
         profile = trajectory.profile.stretched(factor)
         actions = tuple((factor * t, action) for t, action in trajectory.actions)
         slow = replace(trajectory, profile=profile, actions=actions)
@@ -82,6 +92,13 @@ def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
         if report.safe:
             return replace(slow, stops=stop_bounds(slow)), report
         factor *= _SLOWER
+    raise PathError(
+        f"no speed was found at which the drives may brake by themselves: {report.quantity} would"
+        f" be {-report.room:.6g} mm too small",
+        position=report.position,
+        quantity=report.quantity,
+        amount=-report.room,
+    )
 
 
 def _widened(caps: FloatArray, speed: FloatArray) -> FloatArray:
@@ -128,7 +145,7 @@ def _caps(path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArra
     states = path.derivatives(sigma)
     q, slope = states[:, 0], states[:, 1] * speed[:, None]
     machine = path.machine
-    wanted = np.clip(0.5 * room(machine, q).least(), 0.0, _MARGIN)
+    wanted = np.clip(0.5 * room(machine, q).least(), 0.0, _MARGIN) - _SPENT * ALLOWED
     deceleration = np.array(machine.drives.quick_stop_deceleration)
     distance = (slope**2 / (2.0 * deceleration)).max(axis=-1)
     low = np.sqrt(_HARMLESS / np.maximum(distance, _HARMLESS))
