@@ -42,7 +42,7 @@ def test_a_log_that_cannot_be_written_is_named_once_and_for_all(
     trajectory: dg.Trajectory, tmp_path: Path
 ) -> None:
     with (
-        pytest.raises(dg.LogError, match="Is a directory"),
+        pytest.raises(dg.LogError, match="it is a directory"),
         dg.Robot.connect(trajectory.machine) as robot,
     ):
         robot.enable()

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from duoglide.storage import (
     Topic,
     read_log,
 )
+from duoglide.storage.atomic import appearing
 
 KILLED = """
 import sys, time
@@ -121,6 +123,30 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
         LogWriter(tmp_path / "no" / "such.mcap", LogKind.RUN),
     ):
         pass
+
+
+def test_a_device_is_refused_and_stays_one(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    link = tmp_path / "link"
+    link.symlink_to(pipe)
+    for place in (pipe, link):
+        with pytest.raises(dg.LogError, match="device"), LogWriter(place, LogKind.RUN):
+            pass
+        with pytest.raises(dg.LogError, match="device"), appearing(place):
+            pass
+    assert pipe.is_fifo()
+    assert link.is_symlink()
+
+
+def test_a_link_stays_and_its_file_is_written(tmp_path: Path) -> None:
+    file, link = tmp_path / "folder" / "run.mcap", tmp_path / "run.mcap"
+    file.parent.mkdir()
+    link.symlink_to(file)
+    with LogWriter(link, LogKind.RUN) as log:
+        log.write(Topic.EVENT, time.monotonic(), an_event())
+    assert link.is_symlink()
+    assert read_log(file).missing == ""
 
 
 def test_a_full_disk_is_told_in_one_line() -> None:

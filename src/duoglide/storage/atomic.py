@@ -30,14 +30,30 @@ def appearing(path: str | Path) -> Iterator[Path]:
         >>> file.read_text()
         '1,2,3'
     """
-    goal = Path(path)
+    goal = file_behind(path)
     temporary = goal.with_name(f".{goal.stem}.{os.getpid()}.part{goal.suffix}")
     try:
-        if goal.is_dir():
-            raise LogError(f"cannot write {goal}: it is a directory")
         yield temporary
         temporary.replace(goal)
     except OSError as error:
-        raise LogError(f"cannot write {goal}: {error.strerror or error}") from error
+        raise LogError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def file_behind(path: str | Path) -> Path:
+    """Return the file that ``path`` names, through links; whether it exists or not.
+
+    Raises:
+        LogError: It is a directory, or a device that a file must not take the place of.
+    """
+    goal = Path(os.path.realpath(path))
+    try:
+        folder, device = goal.is_dir(), goal.exists() and not goal.is_file()
+    except OSError as error:
+        raise LogError(f"cannot write {path}: {error.strerror}") from error
+    if folder:
+        raise LogError(f"cannot write {path}: it is a directory")
+    if device:
+        raise LogError(f"cannot write {path}: it is a device, not a file")
+    return goal

@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Self
 
 from duoglide.errors import LogError
+from duoglide.storage.atomic import file_behind
 from duoglide.storage.container import ChannelSpec, ContainerWriter
 from duoglide.storage.records import LogKind, Record, Topic
 from duoglide.storage.schemas import schema_name, schema_of
@@ -95,7 +96,8 @@ class LogWriter:
         run = self._kind is LogKind.RUN
         anchor = self._anchor or (ClockAnchor.now() if run else ClockAnchor.zero())
         self._stamp = anchor.stamp
-        self._temporary = self._path.with_name(f".{self._path.name}.{os.getpid()}.part")
+        self._goal = file_behind(self._path)
+        self._temporary = self._goal.with_name(f".{self._goal.name}.{os.getpid()}.part")
         try:
             self._file = self._temporary.open("wb")
         except OSError as error:
@@ -175,7 +177,7 @@ class LogWriter:
         self._next_flush = time.monotonic() + FLUSH_PERIOD
 
     def _publish(self) -> None:
-        self._temporary.replace(self._path)
+        self._temporary.replace(self._goal)
         self._published = True
         self._publish_now = False
 
