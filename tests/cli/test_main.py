@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -222,6 +223,31 @@ def test_a_reader_that_leaves_is_no_traceback() -> None:
     )
     assert done.stdout == "{\n"
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_traceback(closed: str) -> None:
+    command = f"{sys.executable} -m duoglide.cli machine --out cell.toml --force {closed}"
+    done = subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stderr == ""
+    assert dg.Machine.load("cell.toml").to_dict() == dg.Machine.default().to_dict()
+
+
+def test_a_name_that_the_terminal_cannot_show_is_no_traceback() -> None:
+    name = os.fsdecode(b"caf\xff.toml")
+    command = [sys.executable, "-m", "duoglide.cli", "machine", "--out", name]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert "caf" in done.stdout
+    assert Path(name).exists()
+
+
+def test_a_folder_that_is_not_ours_is_refused_before_the_work(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda folder, mode: False)  # root may write everywhere
+    assert "no permission" in refused(["plan", *PICK, "--out", "plan.mcap"], capsys)
 
 
 def test_help_is_quick() -> None:

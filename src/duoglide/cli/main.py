@@ -16,6 +16,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from io import TextIOWrapper
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -98,10 +99,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Whoever ends it from outside (a supervisor's SIGTERM, a terminal that is gone) ends it as Ctrl-C
     does: a machine in motion stops along its path and logs are closed.
     """
+    _require_streams()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it for SIGHUP
             signal.signal(number, _interrupt)
     sys.exit(run(arguments))
+
+
+def _require_streams() -> None:
+    """Put nowhere in the place of closed streams, and let them bear any text.
+
+    Else the next file or socket would be opened as one of them, and be written to; file names may
+    hold what the terminal cannot show.
+    """
+    while (nowhere := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(nowhere)
+    if sys.stdout is None:
+        sys.stdout = open(1, "w")  # noqa: SIM115  # for as long as the process lives
+    if sys.stderr is None:
+        sys.stderr = open(2, "w")  # noqa: SIM115
+    for text in (sys.stdout, sys.stderr):
+        if isinstance(text, TextIOWrapper):
+            text.reconfigure(errors="backslashreplace")
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

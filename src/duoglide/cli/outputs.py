@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from duoglide.errors import InputError
@@ -13,7 +14,7 @@ def require_place(*files: Path | None) -> None:
     """Refuse files that could not be written in the end.
 
     Raises:
-        InputError: The folder is not there, or the file is a folder.
+        InputError: The folder is not there or not to be written in, or the file is a folder.
     """
     for file in files:
         if file is None:
@@ -22,6 +23,9 @@ def require_place(*files: Path | None) -> None:
             raise InputError(f"cannot write {file}: it is a folder")
         if not file.parent.is_dir():
             raise InputError(f"cannot write {file}: there is no folder {file.parent}")
+        folder = Path(os.path.realpath(file)).parent
+        if not os.access(folder, os.W_OK):
+            raise InputError(f"cannot write {file}: no permission to write in {folder}")
 
 
 def require_picture(file: Path | None) -> None:

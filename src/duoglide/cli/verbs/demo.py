@@ -13,6 +13,7 @@ import typer
 from duoglide.cli.console import complain, percent, progress, say, say_facts, say_json, working
 from duoglide.cli.motion import run_facts, run_with_progress
 from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.outputs import require_place
 from duoglide.cli.powered import under_power
 from duoglide.errors import BusError, DriveError
 
@@ -91,6 +92,7 @@ def demo(
     described = load_machine(machine)
     out.mkdir(parents=True, exist_ok=True)
     files = _Files(out / "plan.mcap", out / "run.mcap", out / "demo.png")
+    require_place(files.plan, files.run, files.picture)
     trajectory = _plan(described)
     audit = trajectory.audit()
     trajectory.save(files.plan)
