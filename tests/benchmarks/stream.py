@@ -64,6 +64,8 @@ class World:
             if self.targets[axis]:
                 self.latched[axis] = self.targets[axis][-1]
 
+    echoes = False
+
     def receive(self) -> list[tuple[int, bytes]]:
         frames, self.queue = self.queue, []
         return frames

@@ -112,6 +112,8 @@ class Bench:
             drive.axis.write(0x6007, 0, 3)
             drive.axis.write(0x605A, 0, 6)
 
+    echoes = False
+
     # what the tests do
 
     def step(self, cycles: int = 1, skipped: int = 0) -> None:
@@ -131,6 +133,10 @@ class Bench:
             self._queue += drive.pass_time(microseconds)
             if drive.beats and self.number % 25 == 0:
                 self._queue.append((pdo.HEARTBEAT + drive.node, bytes((5,))))
+
+    def interfere(self, identifier: int, data: bytes = b"") -> None:
+        """Let somebody else send a frame."""
+        self._queue.append((identifier, data))
 
     def order(self, command: Command, argument: int = 0, value: float = 0.0) -> None:
         self._orders.append((command, argument, value))

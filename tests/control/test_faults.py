@@ -209,6 +209,24 @@ def test_a_row_of_late_cycles_stops_the_run(running: Any) -> None:
     assert running.happened(Happening.STOPPED)
 
 
+@pytest.mark.parametrize("identifier", [pdo.SYNC, pdo.RPDO1 + 2, pdo.HEARTBEAT + 127])
+def test_another_host_that_commands_the_drives_stops_everything(
+    running: Any, identifier: int
+) -> None:
+    running.interfere(identifier, b"\x05")
+    running.step(100)
+    assert (Condition.FOREIGN, 0) in running.tripped()
+    assert not any(drive.axis.velocity for drive in running.drives)
+    assert all(drive.axis.state is not State.OPERATION_ENABLED for drive in running.drives)
+
+
+def test_another_program_may_read_the_drives_objects(running: Any) -> None:
+    running.interfere(pdo.SDO_REQUEST + 1, bytes(8))
+    running.interfere(pdo.SDO_REPLY + 1, bytes(8))
+    running.step(100)
+    assert not running.tripped()
+
+
 def test_drives_are_left_disabled_in_order_when_the_host_is_gone(running: Any) -> None:
     running.host_gone = True
     states = set()

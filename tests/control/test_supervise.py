@@ -69,6 +69,7 @@ def test_each_row_of_the_table_names_the_axis_and_its_reaction(
         ({"host_gone": True}, Condition.HOST_GONE, Reaction.STOP_AND_DISABLE),
         ({"pressed": True}, Condition.PRESSED, Reaction.QUICK_STOP),
         ({"bus_failed": True}, Condition.BUS, Reaction.QUICK_STOP),
+        ({"foreign": True}, Condition.FOREIGN, Reaction.QUICK_STOP),
         ({"refused": 3}, Condition.REFUSED, Reaction.QUICK_STOP),
         ({"unsent": 3}, Condition.UNSENT, Reaction.STOP_ON_PATH),
         ({"late": 3}, Condition.LATE, Reaction.STOP_ON_PATH),

@@ -26,7 +26,7 @@ _ORDERS = {
     Command.QUICK_STOP: EventKind.QUICK_STOP,
 }
 _WITH_CODES = (EventKind.FAULT, EventKind.EMERGENCY)
-_BUS = (Condition.BUS, Condition.UNSENT)
+_BUS = (Condition.BUS, Condition.UNSENT, Condition.FOREIGN)
 
 
 def trip_of(event: EventEntry) -> Trip:

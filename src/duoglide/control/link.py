@@ -21,6 +21,11 @@ Frame = tuple[int, bytes]  # COB-ID and data
 class Link(Protocol):
     """What the cycle needs of a bus; tests bring one made of two lists."""
 
+    @property
+    def echoes(self) -> bool:
+        """Whether frames that are sent come back."""
+        ...
+
     def send(self, frames: Sequence[Frame]) -> None:
         """Hand frames to the bus in order.
 
@@ -55,6 +60,13 @@ class BusLink:
         self._send = frame_sender(bus)
         self._receive = bus.receive_frames if isinstance(bus, SocketcandBus) else self._take
         self._failures = (can.CanError, OSError, ValueError)
+
+    @property
+    def echoes(self) -> bool:
+        """Whether frames that are sent come back, as those of a multicast group do."""
+        from can.interfaces.udp_multicast import UdpMulticastBus
+
+        return isinstance(self._bus, UdpMulticastBus)
 
     def send(self, frames: Sequence[Frame]) -> None:
         """Hand frames to the bus in order; BusError if one is not taken (ENOBUFS, link down)."""

@@ -188,7 +188,7 @@ class Streamer:
         watch.see_axes(self._tracks, self._sent[0] if self._enabled else None)
         watch.see_time(self._skipped, self._outbox.signs_of_life)
         seen.moving = self._motion is not None
-        seen.bus_failed = self._wire.failed
+        seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign
         seen.host_gone = self._inbox.host_gone
         if self._power is not Power.SILENT:
             self._judge()

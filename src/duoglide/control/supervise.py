@@ -50,6 +50,7 @@ class Condition(Enum):
     HOST_SILENT = "host process does not answer"
     REFUSED = "setpoint outside travel or step limit"
     PRESSED = "quick stop was commanded"
+    FOREIGN = "another host commands the drives"
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +108,7 @@ class Observation:
         host: Age of its last sign of life [cycles].
         refused: Axis whose setpoint broke a rule, 1 to 3; 0 for none.
         pressed: Quick stop was commanded.
+        foreign: Somebody else has sent SYNC, a setpoint, or a heartbeat as this host.
     """
 
     axes: tuple[AxisView, ...] = field(default_factory=lambda: tuple(AxisView() for _ in range(3)))
@@ -119,6 +121,7 @@ class Observation:
     host: int = 0
     refused: int = 0
     pressed: bool = False
+    foreign: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +172,8 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.BUS, Reaction.QUICK_STOP)
     if not seen.enabled:
         return
+    if seen.foreign:
+        yield Trip(Condition.FOREIGN, Reaction.QUICK_STOP)
     if seen.refused:
         yield Trip(Condition.REFUSED, Reaction.QUICK_STOP, seen.refused)
     if seen.unsent >= policy.unsent:

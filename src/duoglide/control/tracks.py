@@ -140,18 +140,29 @@ class Dispatch:
 
     Args:
         node_ids: Of the drives, in the order of the carriages.
+        ours: Identifiers that nobody but this process may send.
+
+    Attributes:
+        tracks: Of the drives.
+        foreign: Whether somebody else has sent one of ``ours``.
+        bus_failed: Whether the controller is bus-off or error-passive.
+        error_frames: How many have come.
     """
 
-    def __init__(self, node_ids: Iterable[int]) -> None:
+    def __init__(self, node_ids: Iterable[int], ours: Iterable[int] = ()) -> None:
+        self.foreign = False
         self.tracks = tuple(AxisTrack() for _ in node_ids)
         self.bus_failed = False
         self.error_frames = 0
-        self._handlers = {}
+        self._handlers = dict.fromkeys(ours, self._notice_foreigner)
         for node, track in zip(node_ids, self.tracks, strict=True):
             self._handlers[pdo.TPDO1 + node] = track.on_feedback
             self._handlers[pdo.TPDO2 + node] = track.on_inputs
             self._handlers[pdo.EMCY + node] = track.on_emergency
             self._handlers[pdo.HEARTBEAT + node] = track.on_heartbeat
+
+    def _notice_foreigner(self, data: bytes) -> None:
+        self.foreign = True
 
     def take(self, frames: Iterable[Frame]) -> None:
         """Read frames in the order in which they came; strangers are passed over."""

@@ -42,7 +42,7 @@ def require_success(report: RunReport) -> None:
 
 def _error(trip: Trip, rest: str) -> DriveError | BusError:
     message = f"{trip.words}; {rest}"
-    if trip.condition in (Condition.BUS, Condition.UNSENT):
+    if trip.condition in (Condition.BUS, Condition.UNSENT, Condition.FOREIGN):
         return BusError(message)
     following = trip.code == _FOLLOWING
     kind = FollowingError if following else _ERRORS.get(trip.condition, DriveError)

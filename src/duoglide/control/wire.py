@@ -34,10 +34,11 @@ class Wire:
         self._link = link
         self._nodes = settings.node_ids
         self._every = settings.heartbeat_every
-        self._dispatch = Dispatch(settings.node_ids)
-        self.tracks: tuple[AxisTrack, ...] = self._dispatch.tracks
         self._setpoint_ids = tuple(pdo.RPDO1 + node for node in settings.node_ids)
         beat = (pdo.HEARTBEAT + settings.host_node, bytes((pdo.NmtState.OPERATIONAL,)))
+        ours = () if link.echoes else (pdo.SYNC, beat[0], *self._setpoint_ids)
+        self._dispatch = Dispatch(settings.node_ids, ours)
+        self.tracks: tuple[AxisTrack, ...] = self._dispatch.tracks
         self._sync: tuple[Frame, ...] = ((pdo.SYNC, b""),)
         self._sync_and_beat: tuple[Frame, ...] = (*self._sync, beat)
         self._outputs: list[Frame] = []
@@ -49,6 +50,11 @@ class Wire:
         """Whether the link is dead, or its controller is bus-off or error-passive."""
         return self._dead or self._dispatch.bus_failed
 
+    @property
+    def foreign(self) -> bool:
+        """Whether somebody else has commanded the drives since the cycle before."""
+        return self._dispatch.foreign
+
     def begin(self, number: int, previous: int) -> None:
         """Send SYNC, and the heartbeat when it is due between these two cycles."""
         self.unsent = False
@@ -57,6 +63,7 @@ class Wire:
 
     def listen(self, cycles: int) -> None:
         """Read what has come since the last time, ``cycles`` ago."""
+        self._dispatch.foreign = False
         try:
             if not self._dead:
                 self._dispatch.take(self._link.receive())

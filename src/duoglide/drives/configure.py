@@ -93,6 +93,8 @@ def _who_answers(drive: DriveObjects) -> str:
     drive.network.scanner.search()
     time.sleep(_SCAN_PATIENCE)
     heard = sorted(set(drive.network.scanner.nodes) - {drive.settings.host_id})
+    if drive.node_id in heard:
+        return "it does answer, but too late: the bus or one of its ends is overloaded"
     if not heard:
         return "no other node does"
     strangers = [node for node in heard if node not in drive.settings.node_ids]
