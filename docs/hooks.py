@@ -4,5 +4,5 @@ from typing import Any
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Write citations without the underscore that makes them one in docstrings."""
-    return html.replace("[Shen2021]_", "[Shen2021]")
+    """Write citations, and what leads to a block of code, without their marks in docstrings."""
+    return html.replace("[Shen2021]_", "[Shen2021]").replace("::</p>", ":</p>")
