@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -145,6 +146,32 @@ def test_the_override_is_the_one_that_another_page_has_chosen(browser: Any) -> N
         for percent in (50, 20):
             run.status = replace(status, override=0.01 * percent)
             tab.wait_for_function("([input, text]) => input.value == text", arg=[slider, percent])
+        tab.close()
+
+
+def test_a_jog_leaves_the_override_of_the_next_run_alone(browser: Any) -> None:
+    creeping = SimpleNamespace(
+        status=RunStatus(MotionState.RUNNING, 0.1, 0.1, (0.0,) * 3, (0.0,) * 3, 9.0, 0.1)
+    )
+    robot: Any = SimpleNamespace(
+        machine=PATIENT, bus="virtual", homed=True, states=(State.OPERATION_ENABLED,) * 3,
+        carriages=np.zeros(3), position=np.array([-41.0, 0.0, 302.0]), current_run=None,
+    )  # fmt: skip
+
+    def jog(_: Any) -> None:
+        robot.current_run = creeping
+        time.sleep(0.5)
+        robot.current_run = None
+
+    robot.jog = jog
+    with Page(PATIENT, drives=robot, port=0) as page:
+        tab = visit(browser, page)
+        open_tab(tab, "Machine")
+        tab.get_by_text("Jog").click()
+        tab.get_by_role("button", name="+x").click()
+        wait_for(tab, "running at")
+        wait_for(tab, "At (-41.00, 0.00, 302.00) mm.")
+        assert tab.locator("input:visible").last.input_value() == "100"
         tab.close()
 
 

@@ -55,6 +55,7 @@ class MachinePanel:
         self._one_command = threading.Lock()
         self._closed = threading.Event()
         self._touched = -_UNTOUCHED  # when the override was last moved here [s], monotonic
+        self._creeping = False  # a small move of this page is under way, at a pace of its own
         self._add_operator()
         self._bus = self._gui.add_text("Bus", bus)
         self._button("Connect", self._connect)
@@ -68,7 +69,7 @@ class MachinePanel:
             self._step = self._gui.add_number("Step [mm]", 5.0, min=0.01, step=0.5)
             jog = self._gui.add_button_group("Direction", tuple(_JOGS))
             jog.on_click(lambda _: self._command(lambda robot: self._jog(robot, jog.value)))
-            self._button("Park", lambda robot: robot.park())
+            self._button("Park", self._park)
         self._watching = threading.Thread(target=self._watch, name="page-watch", daemon=True)
         self._watching.start()
 
@@ -169,7 +170,18 @@ class MachinePanel:
         axis, sign = _JOGS[direction]
         step = np.zeros(3)
         step[axis] = sign * self._step.value
-        robot.jog(step)
+        return self._creep(robot, lambda: robot.jog(step))
+
+    def _park(self, robot: Robot) -> str:
+        return self._creep(robot, robot.park)
+
+    def _creep(self, robot: Robot, move: Callable[[], object]) -> str:
+        """Make a small move, whose pace is not that of the next run."""
+        self._creeping = True
+        try:
+            move()
+        finally:
+            self._creeping = False
         x, y, z = robot.position
         return f"At ({x:.2f}, {y:.2f}, {z:.2f}) mm."
 
@@ -203,7 +215,7 @@ class MachinePanel:
             try:
                 status = run.status if (run := robot.current_run) is not None else None
                 self._state.content = _describe(robot, status)
-                if status is not None:
+                if status is not None and not self._creeping:
                     self._follow_override(status.override)
                 if robot.homed:
                     self._pose.follow(robot.position)
