@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import os
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -130,6 +132,26 @@ def test_the_drives_stand_still_only_with_a_host_that_has_asked(asks: bool) -> N
         assert station.waited_for is asks
         leader.shutdown()
         other.shutdown()
+
+
+def family(bus: SocketcandBus) -> socket.AddressFamily:
+    with socket.socket(fileno=os.dup(bus.fileno())) as copy:
+        return socket.AddressFamily(copy.family)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="abstract Unix sockets are Linux's")
+def test_clients_on_this_computer_and_clients_over_tcp_hear_each_other() -> None:
+    station = Listener()
+    with running(station) as hub:
+        local, remote = connect(hub), SocketcandBus("localhost", int(hub.address.split(":")[-1]))
+        assert (family(local), family(remote)) == (socket.AF_UNIX, socket.AF_INET)
+        wait_until(lambda: hub.clients == 2)
+        for sender, receiver, number in ((local, remote, 0x123), (remote, local, 0x321)):
+            sender.send_frames([(number, b"\1"), (number + 1, b"\2")])
+            assert receive(receiver, 2) == [(number, b"\1"), (number + 1, b"\2")]
+        assert [can_id for can_id, _ in station.heard] == [0x123, 0x124, 0x321, 0x322]
+        local.shutdown()
+        remote.shutdown()
 
 
 def test_frames_that_come_before_the_answer_are_kept() -> None:

@@ -1,5 +1,7 @@
 """A CAN bus on the loopback: a TCP server that speaks socketcand's protocol in raw mode.
 
+Clients on Linux that know Duoglide's hub come through a Unix socket beside the TCP port.
+
 One word more than that protocol: ``< standstill >`` asks for how long the station stands still when
 the computer does, and promises that whoever asked will wait for it.
 
@@ -15,7 +17,14 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from duoglide.drives.socketcand import STANDSTILL, MessageSplitter, decode_send, encode_frame
+from duoglide.drives.socketcand import (
+    LOOPBACK,
+    STANDSTILL,
+    MessageSplitter,
+    decode_send,
+    encode_frame,
+    local_name,
+)
 from duoglide.errors import BusError
 
 _MOST_WAITING = 4_000_000  # bytes that a client may leave unread before it is dropped
@@ -97,12 +106,15 @@ class Hub:
 
     def __enter__(self) -> Hub:
         try:
-            self._listener = socket.create_server(("127.0.0.1", self._port), backlog=16)
+            tcp = socket.create_server((LOOPBACK, self._port), backlog=16)
         except OSError as error:
-            raise BusError(f"cannot listen on 127.0.0.1:{self._port}: {error}") from error
-        self._listener.setblocking(False)
+            raise BusError(f"cannot listen on {LOOPBACK}:{self._port}: {error}") from error
+        self._port = tcp.getsockname()[1]
+        self._listeners = {listener.fileno(): listener for listener in (tcp, *_local(self._port))}
         self._epoll = select.epoll()
-        self._epoll.register(self._listener, select.EPOLLIN)
+        for listener in self._listeners.values():
+            listener.setblocking(False)
+            self._epoll.register(listener, select.EPOLLIN)
         self._station.attach(self.broadcast)
         return self
 
@@ -111,12 +123,13 @@ class Hub:
             client.socket.close()
         self._clients.clear()
         self._epoll.close()
-        self._listener.close()
+        for listener in self._listeners.values():
+            listener.close()
 
     @property
     def address(self) -> str:
         """The name of this bus for ``open_bus``."""
-        return f"socketcand:127.0.0.1:{self._listener.getsockname()[1]}"
+        return f"socketcand:{LOOPBACK}:{self._port}"
 
     @property
     def clients(self) -> int:
@@ -152,16 +165,17 @@ class Hub:
             elif descriptor in self._watched:
                 self._watched[descriptor]()
             else:
-                self._accept()
+                self._accept(self._listeners[descriptor])
         self._station.poll(now)
         for descriptor, client in list(self._clients.items()):
             if not client.flush():
                 self._drop(descriptor)
 
-    def _accept(self) -> None:
-        connection, _ = self._listener.accept()
+    def _accept(self, listener: socket.socket) -> None:
+        connection, _ = listener.accept()
         connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if connection.family == socket.AF_INET:
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._clients[connection.fileno()] = _Client(connection)
         self._epoll.register(connection, select.EPOLLIN)
 
@@ -219,6 +233,21 @@ class Hub:
             return
         known = word in (b"open", b"rawmode")
         client.waiting += b"< ok >" if known else b"< echo >" if word == b"echo" else b"< error >"
+
+
+def _local(port: int) -> tuple[socket.socket, ...]:
+    """Listen beside a TCP port; nowhere if that cannot be, for clients come by TCP then."""
+    name = local_name(port)
+    if name is None:
+        return ()
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        listener.bind(name)
+    except OSError:
+        listener.close()
+        return ()
+    listener.listen(16)
+    return (listener,)
 
 
 def _is_sync(words: list[bytes]) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import select
 import socket
+import sys
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from duoglide.drives.pdo import ERROR_FRAME
 
 Frame = tuple[int, bytes]  # identifier, data
 
+LOOPBACK = "127.0.0.1"
 STANDSTILL = b"standstill"  # a word that only Duoglide's own hub knows
 EXTENDED = 1 << 31  # set in the identifier of a 29-bit frame, as SocketCAN has it
 _EXTENDED_IDS = 1 << 29
@@ -56,6 +58,30 @@ def decode_send(words: list[bytes]) -> Frame:
     if len(data) != int(words[2], 16) or len(data) > 8 or not known:
         raise ValueError(f"not a frame: {b' '.join(words)!r}")
     return can_id | EXTENDED if extended else can_id, data
+
+
+def local_name(port: int) -> str | None:
+    """Return where a hub on this computer listens beside its TCP port; None where it cannot.
+
+    An abstract Unix socket: two thirds of the time that TCP takes to hand over a cycle's frames.
+    """
+    return f"\0duoglide-hub-{port}" if sys.platform == "linux" else None
+
+
+def _connect(host: str, port: int, timeout: float) -> socket.socket:
+    """Connect to a server; to a hub on this computer without the detour over TCP."""
+    name = local_name(port)
+    if host == LOOPBACK and name is not None:
+        local = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        local.settimeout(timeout)
+        try:
+            local.connect(name)
+            return local
+        except OSError:  # not one of ours
+            local.close()
+    connection = socket.create_connection((host, port), timeout)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return connection
 
 
 class MessageSplitter:
@@ -99,9 +125,8 @@ class SocketcandBus(can.BusABC):
         self._received: deque[can.Message] = deque()
         self.channel_info = f"socketcand {channel} at {host}:{port}"
         self._channel = channel
-        self._socket = socket.create_connection((host, port), timeout)
+        self._socket = _connect(host, port, timeout)
         try:
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._shake_hands(timeout)
         except (OSError, can.CanError):
             self._socket.close()
