@@ -7,58 +7,33 @@ may jump from cell to cell: it can be at its limit all along. Limits hold at bot
 middle of each cell.
 
 The unknowns are alpha and ``unit`` times beta of each node in turn: cell k touches 2 k to 2 k + 3.
+
+The rows are filled in compiled loops: numpy would spend its time on being called.
 """
 
 from __future__ import annotations
+
+from math import sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
+from duoglide.kinematics.compiled import compiled, inlined
 
 POINTS = 3  # of a cell
 WIDTH = 4  # unknowns that a row touches
 _BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
-_HALVES = np.array([0.25, 0.75])
-_BINOMIAL = np.array([1.0, 3.0, 1.0])
 _LEAST = 0.02  # of alpha at a node, that its Bernstein coefficient keeps
 
-
-def _cells(delta: FloatArray, unit: float) -> FloatArray:
-    """Return alpha, beta and d beta/d theta at the points of each cell as rows, (n, 3, 3, 4)."""
-    rows = np.zeros((3, 3, WIDTH, delta.size))  # point, derivative, unknown, cell
-    h, w = 1.0 / delta, 1.0 / unit
-    for point, sign in ((0, 1.0), (2, -1.0)):
-        rows[point, 0, point] = 1.0
-        rows[point, 1, point + 1] = w
-        rows[point, 2, 0] = -3.0 * sign * h * h
-        rows[point, 2, 1] = (-4.0 if point == 0 else 2.0) * h * w
-        rows[point, 2, 2] = 3.0 * sign * h * h
-        rows[point, 2, 3] = (-2.0 if point == 0 else 4.0) * h * w
-    for j, sign in ((0, 1.0), (2, -1.0)):
-        rows[1, 0, j] = 0.5
-        rows[1, 0, j + 1] = 0.25 * sign * delta * w
-        rows[1, 1, j] = -0.75 * sign * h
-        rows[1, 1, j + 1] = -0.25 * w
-        rows[1, 2, j + 1] = -sign * h * w
-    return np.ascontiguousarray(rows.transpose(3, 0, 1, 2))
-
-
-def _alpha(delta: FloatArray, unit: float, u: FloatArray) -> FloatArray:
-    """Return alpha at shares ``u`` of each cell as rows, (n, shares, 4)."""
-    v = 1.0 - u
-    slope = 2.0 * delta[:, None] / unit
-    rows = np.empty((delta.size, u.size, WIDTH))
-    rows[..., 0] = v * v * (1.0 + 2.0 * u)
-    rows[..., 1] = slope * (u * v * v)
-    rows[..., 2] = u * u * (1.0 + 2.0 * v)
-    rows[..., 3] = -slope * (u * u * v)
-    return rows
+Rows = tuple[NDArray[np.int64], FloatArray, FloatArray]
+"""First unknown of each row (m,), its four factors (m, 4), and its bound or weight (m,)."""
 
 
 def limit_rows(
     delta: FloatArray, unit: float, limits: tuple[FloatArray, ...], tangent: FloatArray
-) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+) -> Rows:
     """Return the rows (first unknown, four factors, bound) of every limit.
 
     Args:
@@ -70,60 +45,23 @@ def limit_rows(
             (n, 3, rows, 3).
         tangent: alpha at which 1 / sqrt(alpha) is replaced by its tangent, (n, 3).
     """
-    speed, acceleration, jerk = limits
-    cells = delta.size
-    at = _cells(delta, unit)
-    node = _node_rows(at, speed, acceleration)
-    with np.errstate(divide="ignore", invalid="ignore"):  # no tangent: the solver will not converge
-        positive = _positive(delta, unit, tangent)
-        jerks = _jerk_rows(at, jerk, tangent)
-    halves = 0.5 * (speed[:, :2] + speed[:, 1:])[..., None] * _alpha(delta, unit, _HALVES)
-    each = np.concatenate([positive, halves, node[:, :2].reshape(cells, -1, WIDTH), jerks], axis=1)
-    bounds = np.ones(each.shape[:2])
-    bounds[:, :2] = 0.0
-    bounds[:, -len(jerks[0]) :] = 1.5
-    last = node[-1, 2]  # elsewhere this is the next cell's first point
-    rows = np.concatenate([each.reshape(-1, WIDTH), last])
-    first = np.full(len(rows), 2 * (cells - 1))
-    first[: bounds.size] = np.repeat(2 * np.arange(cells), len(bounds[0]))
-    return first, rows, np.append(bounds, np.ones(len(last)))
-
-
-def _positive(delta: FloatArray, unit: float, tangent: FloatArray) -> FloatArray:
-    """Return rows that keep the cubic's Bernstein coefficients above 0, (n, 2, 4)."""
-    rows = np.zeros((delta.size, 2, WIDTH))
-    for end in range(2):
-        weight = 1.0 / tangent[:, 2 * end]
-        rows[:, end, 2 * end] = -(1.0 - _LEAST) * weight
-        rows[:, end, 2 * end + 1] = (2.0 * end - 1.0) * weight * delta / (1.5 * unit)
+    _speed, acceleration, jerk = limits
+    nodes = 1 + 2 * acceleration.shape[2]
+    count = delta.size * (4 + 2 * nodes + 2 * POINTS * jerk.shape[2]) + nodes
+    rows = np.empty(count, dtype=np.int64), np.empty((count, WIDTH)), np.empty(count)
+    fill_limits(delta, unit, limits, tangent, rows)
     return rows
 
 
-def _node_rows(at: FloatArray, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Return the limits of speed and acceleration at each point, (n, 3, rows, 4)."""
-    within = acceleration @ at[:, :, 1::-1]
-    return np.concatenate([speed[..., None, None] * at[:, :, :1], within, -within], axis=2)
-
-
-def _jerk_rows(at: FloatArray, jerk: FloatArray, tangent: FloatArray) -> FloatArray:
-    """Return the limits of jerk in each cell, (n, rows, 4)."""
-    root = np.sqrt(tangent)[..., None, None]
-    slope = (0.5 / tangent)[..., None, None] * at[:, :, :1]
-    within = (root * jerk * _BINOMIAL) @ at[:, :, ::-1]
-    return np.concatenate([slope + within, slope - within], axis=2).reshape(len(at), -1, WIDTH)
-
-
-def duration_points(
-    delta: FloatArray, unit: float
-) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+def duration_points(delta: FloatArray, unit: float) -> Rows:
     """Return alpha at five points of each cell as rows (first unknown, factors), Boole's weights.
 
     With fewer points an alpha that swings between them would cost nothing.
     """
-    count = _BOOLE.size
-    points = _alpha(delta, unit, np.linspace(0.0, 1.0, count)).reshape(-1, WIDTH)
-    first = np.repeat(2 * np.arange(delta.size), count)
-    return first, points, (delta[:, None] * _BOOLE).ravel()
+    count = delta.size * _BOOLE.size
+    points = np.empty(count, dtype=np.int64), np.empty((count, WIDTH)), np.empty(count)
+    fill_points(delta, unit, _BOOLE, points)
+    return points
 
 
 def replace_unknowns(
@@ -142,15 +80,139 @@ def replace_unknowns(
         What is to be added to each row's product, (m,).
     """
     offset = np.zeros(first.size)
-    low, high = (choose(unknown for unknown, _, _ in ties) for choose in (min, max))
-    reach = 2 * WIDTH  # of an end of the grid
-    near = np.flatnonzero((first <= low + reach) | (first >= high - reach))
-    for unknown, by, value in ties:
-        touched = near[(first[near] > unknown - WIDTH) & (first[near] <= unknown)]
-        j = unknown - first[touched]
-        if by < 0:
-            offset[touched] += rows[touched, j] * value
-        else:
-            rows[touched, by - first[touched]] += rows[touched, j]
-        rows[touched, j] = 0.0
+    for tie in ties:
+        replace_unknown(first, rows, tie, offset)
     return offset
+
+
+def _replace_unknown(first: Any, rows: FloatArray, tie: Any, offset: FloatArray) -> None:
+    """Take one unknown out of the rows that touch it."""
+    unknown, by, value = tie
+    for r in range(first.size):
+        j = unknown - first[r]
+        if 0 <= j < WIDTH:
+            if by < 0:
+                offset[r] += rows[r, j] * value
+            else:
+                rows[r, by - first[r]] += rows[r, j]
+            rows[r, j] = 0.0
+
+
+replace_unknown = compiled(_replace_unknown)
+
+
+def _write_alpha(u: float, slope: float, factor: float, row: FloatArray) -> None:
+    """Write ``factor`` times alpha at the share ``u`` of a cell; ``slope`` is 2 delta / unit."""
+    v = 1.0 - u
+    row[0] = factor * (v * v * (1.0 + 2.0 * u))
+    row[1] = factor * (slope * (u * v * v))
+    row[2] = factor * (u * u * (1.0 + 2.0 * v))
+    row[3] = -factor * (slope * (u * u * v))
+
+
+write_alpha = inlined(_write_alpha)
+
+
+def _fill_points(delta: FloatArray, unit: float, boole: FloatArray, out: Any) -> None:
+    """Fill the rows of ``duration_points``."""
+    first, points, weights = out
+    count = boole.size
+    for k in range(delta.size):
+        for p in range(count):
+            r = k * count + p
+            first[r] = 2 * k
+            weights[r] = delta[k] * boole[p]
+            write_alpha(p / (count - 1.0), 2.0 * delta[k] / unit, 1.0, points[r])
+
+
+fill_points = compiled(_fill_points)
+
+
+def _write_cell(delta: float, unit: float, at: FloatArray) -> None:
+    """Write alpha, beta and d beta/d theta at the points of a cell as rows, (3, 3, 4).
+
+    What is zero in every cell is zero already.
+    """
+    h = 1.0 / delta
+    w = 1.0 / unit
+    for point in range(0, POINTS, 2):
+        sign = 1.0 - point
+        at[point, 0, point] = 1.0
+        at[point, 1, point + 1] = w
+        at[point, 2, 0] = -3.0 * sign * h * h
+        at[point, 2, 1] = -(1.0 + 3.0 * sign) * h * w
+        at[point, 2, 2] = 3.0 * sign * h * h
+        at[point, 2, 3] = (1.0 - 3.0 * sign) * h * w
+        at[1, 0, point] = 0.5
+        at[1, 0, point + 1] = 0.25 * sign * delta * w
+        at[1, 1, point] = -0.75 * sign * h
+        at[1, 1, point + 1] = -0.25 * w
+        at[1, 2, point + 1] = -sign * h * w
+
+
+write_cell = inlined(_write_cell)
+
+
+def _fill_limits(
+    delta: FloatArray, unit: float, limits: Any, tangent: FloatArray, out: Any
+) -> None:
+    """Fill the rows of ``limit_rows``."""
+    speed, acceleration, jerk = limits
+    first, rows, bounds = out
+    at = np.zeros((POINTS, 3, WIDTH))
+    r = 0
+    for k in range(delta.size):
+        write_cell(delta[k], unit, at)
+        begin = r
+        for end in range(2):  # the cubic's Bernstein coefficients stay above 0
+            weight = 1.0 / tangent[k, 2 * end]
+            for j in range(WIDTH):
+                rows[r, j] = 0.0
+            rows[r, 2 * end] = -(1.0 - _LEAST) * weight
+            rows[r, 2 * end + 1] = (2.0 * end - 1.0) * weight * delta[k] / (1.5 * unit)
+            bounds[r] = 0.0
+            r += 1
+            pace = 0.5 * (speed[k, end] + speed[k, end + 1])
+            write_alpha(0.25 + 0.5 * end, 2.0 * delta[k] / unit, pace, rows[r])
+            bounds[r] = 1.0
+            r += 1
+        for p in range(POINTS):
+            if p < 2 or k == delta.size - 1:  # elsewhere this is the next cell's first point
+                r = fill_node(at[p], speed[k, p], acceleration[k, p], r, (rows, bounds))
+            alpha = tangent[k, p]
+            root = sqrt(alpha)
+            slope = 0.5 / alpha
+            for i in range(jerk.shape[2]):
+                middle = 3.0 * jerk[k, p, i, 1]
+                for j in range(WIDTH):
+                    within = jerk[k, p, i, 0] * at[p, 2, j] + middle * at[p, 1, j]
+                    within = root * (within + jerk[k, p, i, 2] * at[p, 0, j])
+                    rows[r, j] = slope * at[p, 0, j] + within
+                    rows[r + 1, j] = slope * at[p, 0, j] - within
+                bounds[r] = 1.5
+                bounds[r + 1] = 1.5
+                r += 2
+        for row in range(begin, r):
+            first[row] = 2 * k
+
+
+def _fill_node(at: FloatArray, speed: float, acceleration: FloatArray, r: int, out: Any) -> int:
+    """Fill the limits of speed and acceleration at one point; return the next row."""
+    rows, bounds = out
+    for j in range(WIDTH):
+        rows[r, j] = speed * at[0, j]
+    bounds[r] = 1.0
+    r += 1
+    for i in range(acceleration.shape[0]):
+        for j in range(WIDTH):
+            within = acceleration[i, 0] * at[1, j] + acceleration[i, 1] * at[0, j]
+            rows[r, j] = within
+            rows[r + 1, j] = -within
+        bounds[r] = 1.0
+        bounds[r + 1] = 1.0
+        r += 2
+    return r
+
+
+fill_node = inlined(_fill_node)
+fill_limits = compiled(_fill_limits)

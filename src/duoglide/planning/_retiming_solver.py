@@ -165,7 +165,7 @@ def _rows(limits: Limits, at: Nodes) -> tuple[NDArray[np.int64], FloatArray, Flo
 
 def _unit(limits: Limits) -> float:
     """Return the factor of beta in the unknowns [s]."""
-    return float(limits.delta.mean())
+    return float(limits.delta.sum()) / limits.delta.size
 
 
 def _unknowns(nodes: Nodes, unit: float) -> FloatArray:
