@@ -55,6 +55,7 @@ def test_a_plan_that_was_slowed_down_is_the_same_path(usual: Path) -> None:
     result = compare_streamed(read, other)
     assert result.same_path
     assert result.same_setpoints
+    assert result.same_pace, "these are the same setpoints in the same cycles"
     assert result.runs[1].planned == pytest.approx(2.0 * result.runs[0].planned)
 
 
@@ -68,7 +69,8 @@ def test_a_setpoint_that_is_not_the_others_is_found_either_way(usual: Path) -> N
     assert result.setpoint == (0, 3, 0)
     assert result.first == 40
     assert not result.same_setpoints
-    assert compare_streamed(other, read).setpoint == (0, 3, 0)
+    back = compare_streamed(other, read)
+    assert (back.setpoint, back.first) == ((0, 3, 0), 40)
 
 
 def test_two_paths_are_compared_at_equal_path_time(usual: Path) -> None:

@@ -58,6 +58,11 @@ class Streamed:
             raise LogError("a run without a cycle on its program cannot be compared")
         return rows
 
+    def numbers(self, rows: IntArray) -> IntArray:
+        """Return the numbers of some cycles, counted from the first of them."""
+        numbers: IntArray = self.data.cycle[rows] - self.data.cycle[rows[0]]
+        return numbers
+
     def places(self, rows: IntArray) -> FloatArray:
         """Return where on the path some cycles were [path parameter]."""
         places: FloatArray = self.plan.profile.at(self.data.path_time[rows])[..., 0]
@@ -97,11 +102,11 @@ class Comparison:
         same_path: Whether their carriages go along the same curve.
         setpoint: Worst difference of setpoints per carriage [increments]: at equal places of the
             path; where there are two paths, at equal path time.
-        first: The first cycle of the other run's program whose setpoint differs, counted from 0; -1
+        first: The first cycle on the program of either whose setpoint differs, counted from 0; -1
             for none.
         actual: Worst difference of actual positions per carriage there [mm], where both answered.
         common: Cycles on the program that both have, by their number.
-        path_time: Worst difference of path time between those [s].
+        by_cycle: Worst difference of setpoints between those, per carriage [increments].
     """
 
     runs: tuple[RunSide, RunSide]
@@ -110,7 +115,7 @@ class Comparison:
     first: int
     actual: tuple[float, ...]
     common: int
-    path_time: float
+    by_cycle: tuple[int, ...]
 
     @property
     def same_setpoints(self) -> bool:
@@ -119,8 +124,8 @@ class Comparison:
 
     @property
     def same_pace(self) -> bool:
-        """Whether each cycle that both have was at the same path time, bit for bit."""
-        return self.path_time == 0.0
+        """Whether each cycle that both have has the same setpoint, bit for bit."""
+        return not any(self.by_cycle)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -145,23 +150,20 @@ def compare_streamed(one: Streamed, other: Streamed) -> Comparison:
     """Do what ``compare`` does, for runs that have been read."""
     a, b = one.rows(), other.rows()
     same_path = _same_path(one.plan, other.plan)
-    there = _setpoint_difference(other, b, one.plan, same_path)
     back = _setpoint_difference(one, a, other.plan, same_path)
-    different = np.flatnonzero(there.any(axis=1))
-    numbers = (
-        one.data.cycle[a] - one.data.cycle[a[0]],
-        other.data.cycle[b] - other.data.cycle[b[0]],
-    )
-    common, in_one, in_other = np.intersect1d(*numbers, return_indices=True)
-    apart = one.data.path_time[a[in_one]] - other.data.path_time[b[in_other]]
+    there = _setpoint_difference(other, b, one.plan, same_path)
+    numbers, its_numbers = one.numbers(a), other.numbers(b)
+    common, in_one, in_other = np.intersect1d(numbers, its_numbers, return_indices=True)
+    apart = np.abs(one.data.setpoint[a[in_one]] - other.data.setpoint[b[in_other]])
+    differing = [*numbers[back.any(axis=1)], *its_numbers[there.any(axis=1)]]
     return Comparison(
         runs=(_side(one, a), _side(other, b)),
         same_path=same_path,
         setpoint=tuple(np.maximum(there.max(axis=0), back.max(axis=0)).tolist()),
-        first=int(numbers[1][different[0]]) if len(different) else -1,
+        first=int(min(differing, default=-1)),
         actual=_actual_difference(one, a, other, b, same_path),
         common=len(common),
-        path_time=float(np.abs(apart).max()),
+        by_cycle=tuple(apart.max(axis=0).tolist()),
     )
 
 

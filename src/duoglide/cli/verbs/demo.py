@@ -161,9 +161,9 @@ def _plan_facts(audit: Audit) -> list[tuple[str, str]]:
 
 
 def _replay_fact(same: Comparison) -> tuple[str, str]:
-    if same.same_setpoints:
+    if same.same_pace:
         return "replay", f"all {same.common} setpoints the same, increment for increment"
-    return "replay", f"{same.common} cycles compared, setpoints differ by up to {same.setpoint}"
+    return "replay", f"{same.common} cycles compared, setpoints differ by up to {same.by_cycle}"
 
 
 def _numbers(

@@ -186,15 +186,13 @@ def _compare(opened: Log, other: Path, as_json: bool) -> None:
 
 
 def _verdict(result: Comparison) -> str:
-    pace = "at the same pace" if result.same_pace else "at another pace"
     if not result.same_path:
         return "two paths, compared at equal path time"
-    if result.same_setpoints:
-        return f"the same path {pace}; every setpoint is the same where both are at the same place"
-    return (
-        f"the same path {pace}, but setpoints differ at the same place, from cycle {result.first}"
-        " of the other's program on"
-    )
+    if not result.same_setpoints:
+        return f"the same path, but setpoints differ there, first in cycle {result.first}"
+    if result.same_pace:
+        return f"the same path at the same pace; all {result.common} setpoints are the same"
+    return "the same path at another pace; every setpoint is the same at the same place"
 
 
 def _side_by_side(result: Comparison, one: str, other: str) -> list[tuple[str, str]]:
