@@ -8,12 +8,14 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import duoglide as dg
 from duoglide.control.commission import creep, describe_drives
+from duoglide.control.handle import RunHandle
 from duoglide.control.motion import MotionState
 from duoglide.control.orders import Command
 from duoglide.control.supervise import Condition
@@ -187,7 +189,7 @@ def test_a_run_that_is_stopped_before_it_begins_does_not_begin(
 ) -> None:
     load = ready._connection.process.load
 
-    def stop_meanwhile(program: object) -> None:
+    def stop_meanwhile(program: Any) -> None:
         load(program)
         ready.stop()
 
@@ -197,6 +199,50 @@ def test_a_run_that_is_stopped_before_it_begins_does_not_begin(
     monkeypatch.undo()
     assert ready.current_run is None
     assert ready.run(there, override=1.0).completed
+
+
+def test_a_stop_while_the_run_is_being_handed_over_ends_it(
+    ready: dg.Robot, there: dg.Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped_meanwhile(*parts: Any) -> RunHandle:  # as another thread does
+        ready.stop()
+        return RunHandle(*parts)
+
+    monkeypatch.setattr("duoglide.control.robot.RunHandle", stopped_meanwhile)
+    assert not ready.run(there, override=1.0).completed
+    monkeypatch.undo()
+    assert ready.run(there, approach=True, override=1.0).completed
+
+
+def test_a_small_move_that_is_stopped_while_it_is_planned_does_not_begin(
+    ready: dg.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped_meanwhile(*parts: Any) -> dg.Trajectory:
+        ready.stop()
+        return dg.transfer(*parts)
+
+    monkeypatch.setattr("duoglide.planning.transfer.transfer", stopped_meanwhile)
+    with pytest.raises(dg.DriveError, match="stop was commanded"):
+        ready.jog((0.0, 1.0, 0.0))
+    assert ready.current_run is None
+
+
+def test_what_is_no_trajectory_is_refused(ready: dg.Robot) -> None:
+    for wrong in (None, "plan.mcap", dg.Path.line(HOME, (-41.0, 60.0, 310.0))):
+        with pytest.raises(dg.InputError, match="Trajectory"):
+            ready.run(wrong)  # type: ignore[arg-type]  # on purpose
+
+
+def test_a_latched_stop_refuses_power_at_once(ready: dg.Robot, there: dg.Trajectory) -> None:
+    handle = ready.start(there, override=0.2, approach=True)
+    handle.quick_stop()
+    handle.wait(10.0)
+    began = time.monotonic()
+    with pytest.raises(dg.DriveError, match="a stop is latched"):
+        ready.enable()
+    assert time.monotonic() - began < 3.0
+    ready.reset_fault()
+    ready.enable()
 
 
 def test_run_raises_what_made_it_stop(ready: dg.Robot, there: dg.Trajectory) -> None:

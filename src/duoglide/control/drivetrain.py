@@ -11,7 +11,7 @@ import numpy as np
 from duoglide.arrays import AXES
 from duoglide.control.connection import Connection, bring_up
 from duoglide.control.happenings import trip_of
-from duoglide.control.orders import Command, Happening
+from duoglide.control.orders import Command, Happening, Refusal
 from duoglide.control.power import Power
 from duoglide.control.scale import Scales
 from duoglide.control.supervise import Condition, Trip
@@ -240,13 +240,17 @@ class Drivetrain:
             arrived = [s in goals or gone for s, gone in zip(states, silent, strict=True)]
             return entry.power == power and all(arrived)
 
-        if monitor.wait_for(reached, _PATIENCE):
-            return
-        if monitor.find(lambda event: event.kind == Happening.REFUSED, mark):
+        def refused() -> bool:
+            return monitor.find(_is_latched, mark) is not None
+
+        arrived = monitor.wait_for(lambda entry: refused() or reached(entry), _PATIENCE)
+        if refused():
             raise DriveError(
                 f"a stop is latched ({'; '.join(trip.words for trip in self.latched)});"
                 " reset_fault() acknowledges it on purpose"
             )
+        if arrived:
+            return
         words = [f"axis {i}: {decode(w).words}" for i, w in enumerate(self.latest.statusword, 1)]
         raise DriveTimeout(f"power {power.name.lower()} is not reached: {'; '.join(words)}")
 
@@ -257,6 +261,10 @@ def _no_fault(entry: CycleEntry) -> bool:
 
 def _is_boot_up(event: EventEntry) -> bool:
     return _is_trip(event) and trip_of(event).condition is Condition.BOOT_UP
+
+
+def _is_latched(event: EventEntry) -> bool:
+    return event.kind == Happening.REFUSED and event.code == Refusal.LATCHED
 
 
 def _is_trip(event: EventEntry) -> bool:

@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.errors import ConfigError, DuoglideError, LimitError, PathError
+from duoglide.errors import ConfigError, DuoglideError, InputError, LimitError, PathError
 from duoglide.kinematics.home import room
 from duoglide.kinematics.model import inverse
 from duoglide.motion.timing_report import TimingMethod
+from duoglide.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from duoglide.control.scale import Triple
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import State, Trajectory
+    from duoglide.motion.trajectory import State
 
 _PERIOD = 0.0005  # [s] between two places that are looked at
 _FEWEST = 200
@@ -37,11 +38,16 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
         Worst use of each carriage's velocity, acceleration and jerk limit; 1.0 is at the limit.
 
     Raises:
+        InputError: It is no trajectory.
         ConfigError: The machine's carriages would be elsewhere: another geometry.
         PathError: It leaves reach, travel, clearance or free space; says where. Or it begins or
             ends in motion, as the parts of a program do.
         LimitError: It asks for more than a limit of this machine.
     """
+    given: object = trajectory
+    if not isinstance(given, Trajectory):
+        kind = type(given).__name__
+        raise InputError(f"a run needs a Trajectory (of dg.plan or dg.Trajectory.load), got {kind}")
     if trajectory.report.method is not TimingMethod.RECORDED:
         _require_rests(trajectory)
     times = _times(trajectory)

@@ -19,7 +19,7 @@ from duoglide.control.handle import (
     require_override,
     wait_to_the_end,
 )
-from duoglide.control.program import Fence, prepare
+from duoglide.control.program import Fence, Program, prepare
 from duoglide.control.report import RunReport
 from duoglide.control.run_log import RunLog
 from duoglide.errors import DriveError, DuoglideError
@@ -45,8 +45,8 @@ class Robot(ConnectedMachine):
     def __init__(self, machine: Machine, connection: Connection) -> None:
         super().__init__(machine, connection)
         self._run: RunHandle | None = None
+        self._number = 0  # of the newest motion
         self._stops = self._stops_before = 0  # calls of stop(); how many before a run was asked for
-        self._number = 0
 
     @classmethod
     def connect(cls, machine: Machine, bus: str = "virtual") -> Robot:
@@ -192,12 +192,8 @@ class Robot(ConnectedMachine):
         if log is not None:
             run_log = RunLog(Path(log), self.machine, trajectory, way, self.bus)
         fence = Fence.of(self.machine)
-        first = None
-        if way is not None:
-            first = prepare(way, fence, self._next_number(), Phase.APPROACH)
-            self._connection.process.load(first)
-        program = prepare(trajectory, fence, self._next_number(), Phase.PROGRAM)
-        self._connection.process.load(program)
+        first = self._load(way, fence, Phase.APPROACH) if way is not None else None
+        program = self._load(trajectory, fence, Phase.PROGRAM)
         return self._begin(RunPlan(first, program, override, self._drives.scales, use), run_log)
 
     def _require_ready(self) -> None:
@@ -211,10 +207,15 @@ class Robot(ConnectedMachine):
 
     def _begin(self, plan: RunPlan, run_log: RunLog | None) -> RunHandle:
         self._drives.require_power("a run")  # planning takes its time, and much may have happened
+        self._require_no_stop()
+        self._run = RunHandle(plan, self._connection.process, self._connection.monitor, run_log)
+        if self._stops != self._stops_before:  # by another thread, before it could see the run
+            self._run.stop()
+        return self._run
+
+    def _require_no_stop(self) -> None:
         if self._stops != self._stops_before:
             raise DriveError("stop was commanded before the run began")
-        self._run = RunHandle(plan, self._connection.process, self._connection.monitor, run_log)
-        return self._run
 
     @property
     def current_run(self) -> RunHandle | None:
@@ -228,8 +229,7 @@ class Robot(ConnectedMachine):
         A run that is still being prepared does not begin.
         """
         self._stops += 1
-        run = self.current_run
-        if run is not None:
+        if (run := self.current_run) is not None:
             run.stop()
 
     # Small moves
@@ -246,12 +246,15 @@ class Robot(ConnectedMachine):
         """
         from duoglide.planning.transfer import transfer
 
-        self._drives.require_homed()
+        self._require_ready()
         here = forward(self.machine.geometry, self._drives.held)
-        return self.run(transfer(self.machine, here, position), override=override)
+        way = transfer(self.machine, here, position)
+        self._require_no_stop()
+        return self.run(way, override=override)
 
     def jog(self, displacement: ArrayLike, override: float = 0.1) -> RunReport:
         """Move the platform by ``displacement`` [mm], shape (3,), at creep speed unless told."""
+        self._drives.require_homed()
         here = forward(self.machine.geometry, self._drives.held)
         return self.move_to(here + as_triples(displacement, "displacement"), override)
 
@@ -275,24 +278,23 @@ class Robot(ConnectedMachine):
 
         self._require_ready()
         way = recover(self.machine, self._drives.held)
-        fence = Fence.of(self.machine).reaching(self._drives.held)
-        program = prepare(way, fence, self._next_number(), Phase.PROGRAM)
-        self._connection.process.load(program)
-        use = limit_use(way, self.machine)
-        plan = RunPlan(None, program, 1.0, self._drives.scales, use)
+        program = self._load(way, Fence.of(self.machine).reaching(self._drives.held), Phase.PROGRAM)
+        plan = RunPlan(None, program, 1.0, self._drives.scales, limit_use(way, self.machine))
         return wait_to_the_end(self._begin(plan, None))
 
     # Inside
 
-    def _next_number(self) -> int:
+    def _load(self, motion: Trajectory, fence: Fence, phase: Phase) -> Program:
+        """Hand a motion to the streamer, every setpoint of it validated."""
         self._number += 1
-        return self._number
+        program = prepare(motion, fence, self._number, phase)
+        self._connection.process.load(program)
+        return program
 
     def _end_run(self) -> None:
         """Stop the run that is in progress, if any, and close its log."""
         run, self._run = self._run, None
-        if run is None or run.settled:
-            return
-        if not run.done:
-            run.stop()
-        run.wait(STOP_PATIENCE)
+        if run is not None and not run.settled:
+            if not run.done:
+                run.stop()
+            run.wait(STOP_PATIENCE)
