@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from numbers import Real
 from typing import Any
 
 from duoglide.errors import InputError
@@ -64,9 +65,9 @@ def _require_signs(mode: Any) -> None:
     """Store each field as a plain int, or refuse it."""
     for field in fields(mode):
         value = getattr(mode, field.name)
-        if isinstance(value, bool) or value not in (-1, 1):
+        if isinstance(value, bool) or not isinstance(value, Real) or value not in (-1, 1):
             raise InputError(f"{type(mode).__name__}.{field.name} must be +1 or -1, got {value!r}")
-        object.__setattr__(mode, field.name, int(value))
+        object.__setattr__(mode, field.name, 1 if value == 1 else -1)
     number(mode)
 
 

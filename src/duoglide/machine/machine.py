@@ -73,7 +73,7 @@ class Machine:
             store(self, key, rules.triple(key, getattr(self, key)))
         if self.home_position is not None:
             store(self, "home_position", rules.triple("home_position", self.home_position))
-        store(self, "keep_out", tuple(self.keep_out))
+        store(self, "keep_out", _boxes(self.keep_out))
         if isinstance(self.stop_limits, DerivedLimits):
             store(self, "stop_limits", DerivedLimits.of(self.limits))
         self._require_stop_reserve()
@@ -119,6 +119,8 @@ class Machine:
         Raises:
             ConfigError: An unknown key or a broken rule.
         """
+        if not isinstance(tables, Mapping):
+            raise ConfigError(f"a machine must be a table of tables, got {tables!r:.80}")
         values = dict(tables)
         for key, kind in _TABLES.items():
             if key in values:
@@ -150,6 +152,15 @@ class Machine:
             Path(path).write_text(text, encoding="utf-8")
         except OSError as error:
             raise ConfigError(f"cannot write machine file {path}: {error}") from error
+
+
+def _boxes(value: object) -> tuple[Box, ...]:
+    """Return the boxes of a list, or raise ConfigError."""
+    boxes = tuple(value) if isinstance(value, list | tuple) else (value,)
+    for i, box in enumerate(boxes):
+        if not isinstance(box, Box):
+            raise ConfigError(f"keep_out[{i}] = {box!r:.80}: must be a Box(low=, high=, name=)")
+    return boxes
 
 
 def _plain(value: Any) -> Any:

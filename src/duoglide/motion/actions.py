@@ -92,6 +92,18 @@ def needs_rest(action: Action) -> bool:
     return isinstance(action, WaitInput | Dwell)
 
 
+def require_action(action: object, waypoint: int, last: int) -> None:
+    """Refuse what is no action, or stands at no waypoint from 0 to ``last``.
+
+    Raises:
+        InputError: Says which.
+    """
+    if not 0 <= waypoint <= last:
+        raise InputError(f"an action at waypoint {waypoint}: there are 0 to {last}")
+    if not isinstance(action, Action):
+        raise InputError(f"at waypoint {waypoint}: {action!r:.80} is not an action")
+
+
 def action_from_dict(table: Mapping[str, Any]) -> Action:
     """Build an action from what an action's ``to_dict`` gave, or from a program file's table.
 
@@ -110,7 +122,7 @@ def action_from_dict(table: Mapping[str, Any]) -> Action:
 
 
 def _require_line(axis: object, bit: object, value: object) -> None:
-    if isinstance(axis, bool) or axis not in _AXES:
+    if isinstance(axis, bool) or not isinstance(axis, int) or axis not in _AXES:
         raise InputError(f"axis = {axis!r}: must be 1, 2 or 3")
     if isinstance(bit, bool) or not isinstance(bit, int) or not 0 <= bit < _BITS:
         raise InputError(f"bit = {bit!r}: must be a whole number from 0 to {_BITS - 1}")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import as_number, as_triples
 from duoglide.errors import InputError
-from duoglide.motion.actions import Action, action_from_dict
+from duoglide.motion.actions import Action, action_from_dict, require_action
 from duoglide.motion.blend import Blend, Corner, as_corner, turned
 from duoglide.motion.path_segments import (
     COINCIDENT,
@@ -80,9 +80,8 @@ class Path:
                     f"segment {i + 1} starts at {show(other.start)} mm,"
                     f" {distance(one.end, other.start):.6g} mm from where segment {i} ends"
                 )
-        for waypoint, _ in self.actions:
-            if not 0 <= waypoint <= count:
-                raise InputError(f"an action at waypoint {waypoint}: there are 0 to {count}")
+        for waypoint, action in self.actions:
+            require_action(action, waypoint, count)
 
     @classmethod
     def line(cls, a: ArrayLike, b: ArrayLike, speed: float | None = None) -> Path:
@@ -122,6 +121,8 @@ class Path:
             blends = [as_number(tolerance, "tolerance [mm]")] * (count - 1)
         elif isinstance(blends, Blend):
             blends = [blends] * (count - 1)
+        elif not isinstance(blends, Sequence):
+            raise InputError(f"blends = {blends!r:.80}: must be a Blend, or one entry per corner")
         speeds = list(speed) if isinstance(speed, Sequence) else [speed] * count
         if len(speeds) != count:
             raise InputError(f"{count} segments need {count} speeds, got {len(speeds)}")
@@ -189,6 +190,8 @@ class Path:
         Raises:
             InputError: The ends are apart, or the caps of the whole paths differ.
         """
+        if not isinstance(other, Path):
+            raise InputError(f"a path goes on with a Path, got {other!r:.80}")
         for name in ("tool_speed", "tool_acceleration"):
             mine, its = getattr(self, name), getattr(other, name)
             if mine != its:
@@ -210,6 +213,8 @@ class Path:
     def at(self, waypoint: int, *actions: Action) -> Path:
         """Return this path with ``actions`` at a waypoint; -1 is the last, -2 the one before."""
         count = len(self.segments)
+        if not isinstance(waypoint, int):
+            raise InputError(f"waypoint = {waypoint!r:.80}: must be a whole number")
         index = waypoint + count + 1 if waypoint < 0 else waypoint
         return replace(self, actions=self.actions + tuple((index, action) for action in actions))
 
@@ -269,7 +274,7 @@ class Path:
                 tool_speed=table["tool_speed"],
                 tool_acceleration=table["tool_acceleration"],
             )
-        except (KeyError, TypeError, AttributeError) as error:
+        except (KeyError, IndexError, TypeError, AttributeError) as error:
             raise InputError(f"not a path: {error!r}") from error
 
     def plot(self) -> Figure:

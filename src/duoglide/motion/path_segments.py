@@ -15,6 +15,7 @@ from duoglide.errors import InputError
 
 COINCIDENT = 1e-6  # [mm]; points nearer to each other than this are one point
 CRAMPED = 2e-5  # [mm]; between nearer points a spline bends more sharply than can be timed
+FARTHEST = 1e9  # [mm]; coordinates beyond are a mistake, and leave no digits for a motion
 _COLLINEAR = 1e-9  # [mm]; an arc that bulges less than this is a line
 Point: TypeAlias = tuple[float, float, float]
 
@@ -28,6 +29,7 @@ def as_point(value: ArrayLike, name: str) -> Point:
     array = as_triples(value, name)
     if array.shape != (3,):
         raise InputError(f"{name} must be one point (x, y, z), got shape {array.shape}")
+    _require_near(array, name)
     x, y, z = array.tolist()
     return x, y, z
 
@@ -206,6 +208,7 @@ def require_apart(points: FloatArray, least: float = COINCIDENT) -> None:
     """
     if points.ndim != 2 or len(points) < 2:
         raise InputError(f"points must have shape (n, 3) with n at least 2, got {points.shape}")
+    _require_near(points, "points")
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if gaps.min() < least:
         i = int(np.argmax(gaps < least))
@@ -213,6 +216,13 @@ def require_apart(points: FloatArray, least: float = COINCIDENT) -> None:
             f"points {i} and {i + 1} coincide at {show(points[i])} mm ({gaps[i]:.3g} mm apart);"
             " leave one out"
         )
+
+
+def _require_near(points: FloatArray, name: str) -> None:
+    """Refuse coordinates that no machine has."""
+    farthest = float(np.abs(points).max())
+    if farthest > FARTHEST:
+        raise InputError(f"{name}: a coordinate of {farthest:g} mm; none may exceed {FARTHEST:g}")
 
 
 def backwards(segment: Segment) -> Segment:

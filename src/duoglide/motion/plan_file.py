@@ -32,6 +32,8 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
 
 def load(path: str | os.PathLike[str]) -> Trajectory:
     """Read a trajectory: see ``Trajectory.load``."""
+    if not isinstance(path, str | os.PathLike):
+        raise LogError(f"plan file {path!r:.80}: must be a path")
     document = read_log(Path(path)).document(Document.TRAJECTORY)
     try:
         return Trajectory.from_document(document)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from duoglide.errors import PathError
+from duoglide.errors import InputError, PathError
 from duoglide.machine import Machine
 from duoglide.motion.blending import RoundedPath, round_corners
 from duoglide.motion.checked import CheckedPath, CheckReport, SpeedCap
@@ -35,9 +35,12 @@ def check_path(machine: Machine, path: Path) -> CheckedPath:
         The curve of the platform's centre with its blends fixed, and the least margins along it.
 
     Raises:
+        InputError: No machine, or no path.
         PathError: Blends overlap, or the machine cannot follow: names where along the path, at
             which position, what and by how much, and what would pass.
     """
+    require_noun(machine, Machine)
+    require_noun(path, Path)
     rounded = round_corners(path)
     curve = rounded.curve.moved(np.subtract(machine.work_frame, machine.tool_offset))
     report = check_curve(machine, curve)
@@ -51,6 +54,17 @@ def check_path(machine: Machine, path: Path) -> CheckedPath:
         actions=tuple((waypoints[i], action) for i, action in path.actions),
         speed_caps=speed_caps(path, rounded),
     )
+
+
+def require_noun(value: object, kind: type[Machine | Path]) -> None:
+    """Refuse what is not of the kind that a stage takes.
+
+    Raises:
+        InputError: Says what it is instead.
+    """
+    if not isinstance(value, kind):
+        name = kind.__name__.lower()
+        raise InputError(f"{name} must be a duoglide.{kind.__name__}, got {value!r:.80}")
 
 
 def check_curve(machine: Machine, curve: Curve) -> CheckReport:

@@ -121,6 +121,9 @@ def chain(paths: Iterable[Path]) -> Path:
     if not parts:
         raise InputError("no paths to chain")
     first = parts[0]
+    for i, part in enumerate(parts):
+        if not isinstance(part, Path):
+            raise InputError(f"part {i} of the chain must be a Path, got {part!r:.80}")
     for one, other in pairwise(parts):
         one.then(other)  # refuses two that do not fit
     shifts = [0]

@@ -9,7 +9,7 @@ from duoglide.motion.path import Path
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.blends import choose_blends
 from duoglide.planning.braking_caps import make_brake_safe
-from duoglide.planning.check import check_path
+from duoglide.planning.check import check_path, require_noun
 from duoglide.planning.timed_curve import SigmaCap
 from duoglide.planning.timing import Progress, time_path
 
@@ -27,8 +27,11 @@ def plan(
         progress: Called with the share that is done, 0 to 1.
 
     Raises:
+        InputError: No machine, or no path.
         PathError: The machine cannot follow the path; says where and by how much.
     """
+    require_noun(machine, Machine)
+    require_noun(path, Path)
     checked = check_path(machine, choose_blends(machine, path))
     carriages = map_to_carriages(checked)
     draft = time_path(carriages, progress=progress)

@@ -85,6 +85,8 @@ def read_program(file: str | os.PathLike[str], tolerance: float = 0.0) -> Path:
         InputError: No such file, an unknown suffix, or a mistake in it: names the file, the line
             or the move, and the rule.
     """
+    if not isinstance(file, str | os.PathLike):
+        raise InputError(f"program file {file!r:.80}: must be a path")
     path = pathlib.Path(file)
     suffix = path.suffix.lower()
     readers = {".toml": read_toml, ".csv": read_csv, **dict.fromkeys(GCODE, read_gcode)}
