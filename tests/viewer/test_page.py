@@ -90,6 +90,12 @@ def test_the_page_is_served_to_this_machine_only(browser_page: Any) -> None:
     assert browser_page.url.startswith("http://127.0.0.1:")
 
 
+def test_the_page_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with Page(PATIENT, port=0):
+        pass
+    assert capsys.readouterr().out == "", "results are printed there, as JSON perhaps"
+
+
 def test_a_typed_position_is_answered_by_the_inverse_kinematics(browser_page: Any) -> None:
     open_tab(browser_page, "Pose")
     height = browser_page.locator("input:visible").nth(2)

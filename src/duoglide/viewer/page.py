@@ -7,6 +7,8 @@ too.
 from __future__ import annotations
 
 import importlib
+import io
+from contextlib import redirect_stdout
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -55,7 +57,10 @@ class Page:
     ) -> None:
         viser = _viser()
         try:
-            self._server = viser.ViserServer(host=host, port=port, label="Duoglide", verbose=False)
+            with _unannounced():
+                self._server = viser.ViserServer(
+                    host=host, port=port, label="Duoglide", verbose=False
+                )
         except OSError as error:
             raise BusError(f"cannot serve the page on {host}:{port}: {error}") from error
         self._stage(machine)
@@ -85,7 +90,8 @@ class Page:
         """Stop the machine if it moves, and stop serving."""
         self._motion.close()
         self._machine.close()
-        self._server.stop()
+        with _unannounced():
+            self._server.stop()
 
     def __enter__(self) -> Self:
         return self
@@ -129,6 +135,11 @@ def _light(scene: Any) -> None:
         ("fill", (-2.0, 1.0, 1.0), 0.7),
     ):
         scene.add_light_directional(f"/light/{name}", intensity=intensity, position=place)
+
+
+def _unannounced() -> redirect_stdout[io.StringIO]:
+    """Keep what viser prints from the standard output, where results are."""
+    return redirect_stdout(io.StringIO())
 
 
 def _viser() -> Any:
