@@ -25,7 +25,11 @@ REFUSED: list[tuple[Callable[[], Any], type[dg.DuoglideError], str]] = [
     (lambda: dg.chain(LIST), dg.InputError, "part 0 of the chain"),
     (lambda: LINE.at(0, LIST), dg.InputError, "at waypoint 0: .* is not an action"),
     (lambda: LINE.at(LIST, dg.Dwell(1.0)), dg.InputError, "must be a whole number"),
-    (lambda: dg.pick_and_place(CORNER[0], CORNER[1], at_pick=LIST), dg.InputError, "is not an action"),
+    (
+        lambda: dg.pick_and_place(CORNER[0], CORNER[1], at_pick=LIST),
+        dg.InputError,
+        "is not an action",
+    ),
     (lambda: dg.Path.polyline(CORNER, blends=2.0), dg.InputError, "must be a Blend"),  # type: ignore[arg-type]
     (lambda: dg.Path.from_dict(np.array(5.0)), dg.InputError, "not a path"),  # type: ignore[arg-type]
     (lambda: dg.Path.line((0, 0, 0), (1e200, 0, 0)), dg.InputError, "1e\\+200 mm"),

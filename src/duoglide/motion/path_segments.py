@@ -15,7 +15,7 @@ from duoglide.errors import InputError
 
 COINCIDENT = 1e-6  # [mm]; points nearer to each other than this are one point
 CRAMPED = 2e-5  # [mm]; between nearer points a spline bends more sharply than can be timed
-FARTHEST = 1e9  # [mm]; coordinates beyond are a mistake, and leave no digits for a motion
+FARTHEST = 1e18  # [mm]; coordinates beyond are a mistake, and overflow further on
 _COLLINEAR = 1e-9  # [mm]; an arc that bulges less than this is a line
 Point: TypeAlias = tuple[float, float, float]
 
