@@ -11,7 +11,7 @@ from duoglide.motion.blend import Blend
 from duoglide.motion.carriage_path import map_to_carriages
 from duoglide.planning.timed_curve import TimedCurve
 from duoglide.planning.timing import time_path
-from duoglide.planning.timing_span import Effort
+from duoglide.planning.timing_span import Effort, time_span
 
 PICK, PLACE = (-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0)
 
@@ -230,3 +230,19 @@ def test_compiled_motion_agrees_with_the_carriage_path() -> None:
             axis=1,
         )
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_compiled_cells_are_the_profile_and_lie_in_one_piece_of_the_curve_each() -> None:
+    points = [(-80, 0, 300), (-41, 39, 310), (-2, 0, 300), (-2, 30, 300)]
+    path = dg.Path(dg.Path.polyline(points).segments, (3.0, 0.0))
+    checked = dg.check_path(dg.Machine.default(), path)
+    timed = TimedCurve.of(map_to_carriages(checked))
+    rest = checked.curve.rests[0]
+    for start, end in ((0.0, rest), (rest, checked.curve.end)):
+        span = time_span(timed, start, end, Effort())
+        motion, piece = timed.cell_states(span.profile, 5)
+        times, expected = span.profile.within_pieces(5)
+        np.testing.assert_allclose(motion, expected, rtol=1e-9, atol=1e-9)
+        assert (piece == piece[:, :1]).all()
+        middle = span.profile.at(times[:, 2])[:, 0]
+        np.testing.assert_array_equal(piece[:, 2], timed.pieces_of(middle))

@@ -47,9 +47,10 @@ class Profile:
         knots = read_only(as_floats(self.knots, "knots"))
         if knots.ndim != 2 or knots.shape[1] != 4 or len(knots) < 2:
             raise InputError(f"knots must have shape (n + 1, 4) with n >= 1, got {knots.shape}")
-        if knots[0, TIME] != 0.0 or np.any(np.diff(knots[:, TIME]) <= 0.0):
+        steps = knots[1:] - knots[:-1]
+        if knots[0, TIME] != 0.0 or (steps[:, TIME] <= 0.0).any():
             raise InputError("times of knots must begin at 0 and increase")
-        if np.any(np.diff(knots[:, SIGMA]) < 0.0):
+        if (steps[:, SIGMA] < 0.0).any():
             raise InputError("sigma must not fall from knot to knot")
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             polynomials = hermite(knots)
@@ -63,6 +64,11 @@ class Profile:
 
     def __repr__(self) -> str:
         return f"Profile({self.duration:.4f} s, {self.end:.4g} mm, {len(self.knots)} knots)"
+
+    @property
+    def polynomials(self) -> FloatArray:
+        """Coefficients of each piece in rising powers of time since its knot, (n, 6)."""
+        return self._polynomials
 
     @property
     def duration(self) -> float:
@@ -168,16 +174,18 @@ class Profile:
 
 def hermite(knots: FloatArray) -> FloatArray:
     """Return the coefficients of each piece in rising powers of time since its knot, (n, 6)."""
-    h = np.diff(knots[:, TIME])
-    s0, v0, a0 = knots[:-1, 1:].T
-    s1, v1, a1 = knots[1:, 1:].T
-    way = (s1 - s0) - h * (v0 + 0.5 * h * a0)
-    speed = h * ((v1 - v0) - h * a0)
-    rate = 0.5 * h * h * (a1 - a0)
-    c3 = (10.0 * way - 4.0 * speed + rate) / h**3
-    c4 = (-15.0 * way + 7.0 * speed - 2.0 * rate) / h**4
-    c5 = (6.0 * way - 3.0 * speed + rate) / h**5
-    return np.column_stack([s0, v0, 0.5 * a0, c3, c4, c5])
+    h, rise, faster, harder = (knots[1:] - knots[:-1]).T
+    v0, a0 = knots[:-1, SPEED], knots[:-1, ACCELERATION]
+    way = rise - h * (v0 + 0.5 * h * a0)
+    speed = h * (faster - h * a0)
+    rate = 0.5 * h * h * harder
+    result = np.empty((h.size, 6))
+    result[:, :2] = knots[:-1, SIGMA:ACCELERATION]
+    result[:, 2] = 0.5 * a0
+    result[:, 3] = (10.0 * way - 4.0 * speed + rate) / h**3
+    result[:, 4] = (-15.0 * way + 7.0 * speed - 2.0 * rate) / h**4
+    result[:, 5] = (6.0 * way - 3.0 * speed + rate) / h**5
+    return result
 
 
 def evaluate(polynomials: FloatArray, u: FloatArray) -> FloatArray:

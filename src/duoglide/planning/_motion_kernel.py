@@ -110,3 +110,42 @@ def _carriage_motion(
 
 
 carriage_motion = compiled(_carriage_motion)
+
+
+def _cell_states(
+    knots: FloatArray, polynomials: FloatArray, breaks: FloatArray, motion: FloatArray, pieces: Any
+) -> None:
+    """Evaluate a profile at evenly spaced times of each of its cells, both ends included.
+
+    Args:
+        knots: As in ``Profile``, (n + 1, 4); no cell crosses a break of the curve.
+        polynomials: Of each cell, in rising powers of the time since its knot, (n, 6).
+        breaks: Of the curve, from which on the cells lie [mm].
+        motion: Where to write sigma and its three time derivatives, (n, points, 4).
+        pieces: Where to write how many breaks each cell is beyond the first, (n, points).
+    """
+    count, points = pieces.shape
+    piece = 0
+    for i in range(count):
+        c = polynomials[i]
+        span = knots[i + 1, 0] - knots[i, 0]
+        u = 0.5 * span
+        middle = c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * (c[4] + u * c[5]))))
+        while piece < breaks.size - 2 and breaks[piece + 1] <= middle:
+            piece += 1
+        for j in range(points):
+            u = span * (j / (points - 1.0))
+            p, d1, d2, d3 = c[5], 0.0, 0.0, 0.0
+            for k in range(4, -1, -1):
+                d3 = d3 * u + d2
+                d2 = d2 * u + d1
+                d1 = d1 * u + p
+                p = p * u + c[k]
+            motion[i, j, 0] = p
+            motion[i, j, 1] = d1
+            motion[i, j, 2] = 2.0 * d2
+            motion[i, j, 3] = 6.0 * d3
+            pieces[i, j] = piece
+
+
+cell_states = compiled(_cell_states)

@@ -19,7 +19,7 @@ from duoglide.motion.blending import SMOOTH
 from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.checked import SpeedCap
 from duoglide.motion.curve import Curve
-from duoglide.motion.profile import Profile
+from duoglide.motion.profile import SIGMA, Profile
 from duoglide.planning import _motion_kernel
 
 _NO_CAP = 1e12  # mm/s
@@ -127,6 +127,24 @@ class TimedCurve:
     def _constants(self) -> Constants:
         return pose_constants(self.machine.geometry, WORKING)
 
+    def cell_states(self, profile: Profile, points: int) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Evaluate a profile none of whose pieces crosses a break, at ``points`` times of each.
+
+        Args:
+            profile: The motion.
+            points: Evenly spaced in each piece, both of its ends included; an odd number.
+
+        Returns:
+            Sigma and its three time derivatives, (n, points, 4), and the curve's pieces that they
+            belong to, (n, points).
+        """
+        shape = len(profile.knots) - 1, points
+        motion, piece = np.empty((*shape, 4)), np.empty(shape, dtype=np.intp)
+        before = int(self.pieces_of(profile.knots[0, SIGMA]))
+        breaks = self.curve.breaks[before:]
+        _motion_kernel.cell_states(profile.knots, profile.polynomials, breaks, motion, piece)
+        return motion, piece + before
+
     def motion(self, motion: FloatArray, piece: Any) -> FloatArray:
         """Differentiate the carriages by time, as shares of their limits.
 
@@ -143,7 +161,7 @@ class TimedCurve:
         shape = motion.shape[:-1]
         result = np.empty((*shape, 3, 3))
         rows = np.ascontiguousarray(motion).reshape(-1, 4)
-        pieces = np.broadcast_to(piece, shape).flatten()  # never read-only: that compiles again
+        pieces = np.array(np.broadcast_to(piece, shape)).ravel()  # read-only compiles again
         lost = _motion_kernel.carriage_motion(
             self._arrays, self._constants, rows, pieces, result.reshape(-1, 3, 3)
         )
@@ -231,10 +249,8 @@ class CellMotion:
     @classmethod
     def of(cls, timed: TimedCurve, profile: Profile, points: int) -> CellMotion:
         """Evaluate ``profile`` at ``points`` times of each piece, both of its ends included."""
-        times, motion = profile.within_pieces(points)
-        middle = profile.at(0.5 * (times[:, 0] + times[:, -1]))[:, 0]
-        piece = np.broadcast_to(timed.pieces_of(middle)[:, None], times.shape)
-        caps = timed.caps(motion, piece, middle) if timed.has_caps else None
+        motion, piece = timed.cell_states(profile, points)
+        caps = timed.caps(motion, piece, motion[:, points // 2, 0]) if timed.has_caps else None
         return cls(timed.motion(motion, piece), caps)
 
     def uses(self) -> FloatArray:
