@@ -58,19 +58,11 @@ def random_motion(machine: dg.Machine, rng: np.random.Generator) -> dg.Trajector
 
 
 def brakes_in(cells: BrakeCells, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return carriages on a grid in each cell (n, count^2, 3), and the grid from -1 to 1."""
-    along, across = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, count)], indexing="ij")
-    grid = np.stack([along.ravel(), across.ravel()])
-    half = cells.columns.half[cells.column]
-    u = (cells.u[:, None] + half[:, None] * grid[0]).ravel()
-    t = (cells.t[:, None] + cells.half[:, None] * grid[1]).ravel()
-    state = cells.bounds.trajectory.at(u)
-    machine = cells.bounds.trajectory.machine
-    coast = np.repeat(cells.coast, grid.shape[1])
-    brakes = Brakes(machine, state.carriages, state.velocity, coast)
-    lasting = brakes.lasting
-    share = np.divide(t, lasting, out=np.zeros_like(t), where=lasting > 0.0)
-    return brakes.at(share).reshape(len(cells), -1, 3), grid
+    """Return carriages on a grid in each cell (n, count^3, 3), and the grid from -1 to 1."""
+    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, count)], indexing="ij"))
+    grid = grid.reshape(3, -1)
+    times = cells.times[:, None] + cells.sides[:, None] * grid.T
+    return cells.brakes(times.reshape(-1, 3)).reshape(*times.shape), grid
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
@@ -81,10 +73,10 @@ def test_no_brake_of_a_cell_leaves_its_patch_or_has_less_room_than_is_certain(se
     edges = np.linspace(0.0, motion.duration, 13)
     cells = BrakeCells.cover(CarriageBounds.of(motion), edges, 4)
     patch = cells.patch()
-    carriages, grid = brakes_in(cells, 9)
+    carriages, grid = brakes_in(cells, 6)
     moved = with_pairs(carriages - patch.middle[:, None])
     ways = with_pairs(patch.ways)
-    straight = ways[:, :1] * grid[0][:, None] + ways[:, 1:] * grid[1][:, None]
+    straight = sum(ways[:, k, None] * grid[k][:, None] for k in range(3))
     off = np.abs(moved - straight).max(axis=1)
     assert np.all(off <= patch.beyond * (1.0 + 1e-9) + 1e-9)
     found = room(motion.machine, carriages)
@@ -104,17 +96,12 @@ def test_cells_that_are_cut_cover_the_same_brakes(seed: int) -> None:
     cells = BrakeCells.cover(CarriageBounds.of(motion), np.linspace(0.0, motion.duration, 9), 3)
     rows = np.flatnonzero(rng.random(len(cells)) < 0.3)
     children = cells.cut(rows, cells.patch())
-    area = cells.columns.half[cells.column] * cells.half
-    pieces = children.columns.half[children.column] * children.half
-    assert pieces.sum() == pytest.approx(area[rows].sum())
+    volume = cells.sides.prod(axis=-1)[rows].sum()
+    assert children.sides.prod(axis=-1).sum() == pytest.approx(volume)
     for row in rows[:3]:
-        u, t = cells.u[row], cells.t[row]
-        wide, high = cells.columns.half[cells.column[row]], cells.half[row]
-        for _ in range(5):
-            at_u, at_t = u + wide * rng.uniform(-1, 1), t + high * rng.uniform(-1, 1)
-            inside = np.abs(children.u - at_u) <= children.columns.half[children.column]
-            inside &= np.abs(children.t - at_t) <= children.half
-            assert np.any(inside & (children.coast == cells.coast[row]))
+        for times in cells.times[row] + cells.sides[row] * rng.uniform(-1, 1, (5, 3)):
+            inside = np.all(np.abs(children.times - times) <= children.sides, axis=-1)
+            assert inside.any()
 
 
 @settings(max_examples=10, deadline=None, derandomize=True)
@@ -124,7 +111,7 @@ def test_brute_force_finds_no_less_than_the_report_and_not_much_more(seed: int) 
     motion = random_motion(random_machine(rng), rng)
     report = brake_report(motion)
     edges = np.linspace(0.0, motion.duration, 41)
-    carriages, _ = brakes_in(BrakeCells.cover(CarriageBounds.of(motion), edges, 8), 5)
+    carriages, _ = brakes_in(BrakeCells.cover(CarriageBounds.of(motion), edges, 8), 4)
     found = room(motion.machine, carriages)
     assert report.room <= found.least().min() + ROUNDING
     clearance = float(found.clearance.min()) + motion.machine.clearance

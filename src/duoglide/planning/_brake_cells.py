@@ -1,12 +1,13 @@
-"""Cells of brakes: which instants of a plan they begin at, and how long ago, each in an interval.
+"""Cells of brakes: which instant of a plan they begin at, how late, and how long ago.
 
-A brake takes carriage i to q + G(v, t) with q and v those of the plan at the instant u at which it
-begins. G is once continuously differentiable: dG/dv is how long the carriage would have moved at
-its first velocity, dG/dt the velocity that is left. So a cell is a patch: the slopes by u and t
-take the carriages straight to its sides, and second derivatives bound what is off these ways. While
-coasting those are (d2G/dt2, d2G/dv dt, d2G/dv2) = (0, 1, 0), while braking (-+d, 1, 0), at rest
-(0, 0, +-1/d), with d the deceleration. Where two carriages do the same, so that the platform goes
-along the rails, the bounds of their difference are those of what they do not do together.
+A brake takes carriage i to q + v c + G(v, t): q and v are those of the plan at the instant u of the
+last setpoint, c is how long the drive has gone on then, t how long it has braked since. G is once
+continuously differentiable: dG/dv is how long the carriage would have moved at v, dG/dt the
+velocity that is left. So a cell is a patch: the slopes by u, c and t take the carriages straight to
+its sides, and second derivatives bound what is off these ways. While braking those of G are
+(d2G/dt2, d2G/dv dt, d2G/dv2) = (-+d, 1, 0), at rest (0, 0, +-1/d), with d the deceleration. Where
+two carriages do the same, so that the platform goes along the rails, the bounds of their difference
+are those of what they do not do together.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from duoglide.planning._nearby import Patch, with_pairs
 
 IndexArray: TypeAlias = NDArray[np.intp]
 
-_UNEVEN = 3.0  # times as far along one side of a cell as along the other: cut that one only
+PARTS = 8  # into which a cell is cut
+_CURVED = 100.0  # mm: radius to which ways of the carriages bend those of the platform, about
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,84 +109,117 @@ class Columns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BrakeCells:
-    """Cells of brakes: all that begin in an interval of the plan, in an interval of the brake.
+    """Cells of brakes: an interval of the plan, one of the time until all brake, and one since.
+
+    The last two are never both longer than nothing.
 
     Attributes:
         bounds: Of the plan.
         columns: Intervals of the plan, m of them.
         column: Which of them each cell belongs to, shape (n,).
-        coast: How long the drives go on first [s].
-        t: Time since the brake began, in the middle [s].
-        half: Half the length of the cell along ``t`` [s].
+        middle: How long the drives have gone on at their first velocity, and how long they have
+            braked then, in the middle [s], shape (n, 2).
+        half: Half the lengths of these intervals [s], shape (n, 2).
     """
 
     bounds: CarriageBounds
     columns: Columns
     column: IndexArray
-    coast: FloatArray
-    t: FloatArray
+    middle: FloatArray
     half: FloatArray
 
     @classmethod
     def cover(cls, bounds: CarriageBounds, edges: FloatArray, phases: int) -> BrakeCells:
-        """Cover the brakes that begin within ``edges`` [s], at once and one cycle late."""
+        """Cover the brakes out of ``edges`` [s]: at once, one cycle late, and that cycle."""
         drives = bounds.trajectory.machine.drives
         columns = Columns.of(bounds, 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
         lasting = columns.lasting(drives.quick_stop_deceleration)
-        count = len(lasting)
-        column = np.repeat(np.arange(count), 2 * phases)
-        coast = np.tile(np.repeat([0.0, drives.cycle], phases), count)
-        half = 0.5 * (coast + lasting[column]) / phases
-        t = half * (2.0 * np.tile(np.arange(phases), 2 * count) + 1.0)
-        return cls(bounds, columns, column, coast, t, half)
+        column = np.repeat(np.arange(len(lasting)), 2 * phases + 1)
+        middle, half = np.zeros((2, len(lasting), 2 * phases + 1, 2))
+        middle[:, phases:-1, 0] = drives.cycle
+        middle[:, -1, 0] = half[:, -1, 0] = 0.5 * drives.cycle
+        half[:, :-1, 1] = 0.5 * lasting[:, None] / phases
+        middle[:, :-1, 1] = half[:, :-1, 1] * np.tile(2.0 * np.arange(phases) + 1.0, 2)
+        return cls(bounds, columns, column, middle.reshape(-1, 2), half.reshape(-1, 2))
 
     def __len__(self) -> int:
-        return len(self.t)
+        return len(self.column)
 
     @property
-    def u(self) -> FloatArray:
-        """Instants of the plan in the middle of the cells [s], shape (n,)."""
-        return self.columns.u[self.column]
+    def times(self) -> FloatArray:
+        """The middles [s]: of the plan, of going on, and of braking, shape (n, 3)."""
+        return np.column_stack([self.columns.u[self.column], self.middle])
+
+    @property
+    def sides(self) -> FloatArray:
+        """Half the lengths of the same intervals [s], shape (n, 3)."""
+        return np.column_stack([self.columns.half[self.column], self.half])
+
+    def within(self, times: FloatArray) -> FloatArray:
+        """Return the nearest times that there are: within the plan, and one cycle; (n, 3)."""
+        trajectory = self.bounds.trajectory
+        most = np.array([trajectory.duration, trajectory.machine.drives.cycle, np.inf])
+        return np.clip(times, 0.0, most)
+
+    def brakes(self, times: FloatArray) -> FloatArray:
+        """Return the carriages of single brakes, times and places of shape (n, 3)."""
+        trajectory, (u, coast, t) = self.bounds.trajectory, times.T
+        state = trajectory.at(u)
+        brakes = Brakes(trajectory.machine, state.carriages, state.velocity, coast)
+        lasting = brakes.lasting
+        share = np.divide(coast + t, lasting, out=np.zeros_like(t), where=lasting > 0.0)
+        return brakes.at(np.minimum(share, 1.0))
 
     def cut(self, rows: IndexArray, patch: Patch) -> BrakeCells:
-        """Cut some cells into four: the longer side by four, or both sides by two.
+        """Cut some cells, each along the sides that bend most.
 
         Args:
             rows: Which.
             patch: What ``patch`` returns.
         """
-        sides = np.abs(patch.ways[rows]).max(axis=-1)
-        half_u, half_t = self.columns.half[self.column[rows]], self.half[rows]
-        most = self.columns.most_a[self.column[rows], :3].max(axis=-1)
-        along = sides[:, 0] + 0.5 * most * half_u * half_u
-        drives = self.bounds.trajectory.machine.drives
-        moves = (
-            self.t - self.half - self.coast
-            < self.columns.lasting(drives.quick_stop_deceleration)[self.column]
-        )[rows]
-        bow = 0.5 * max(drives.quick_stop_deceleration) * half_t * half_t
-        across = sides[:, 1] + np.where(moves, bow, 0.0)
-        parts = np.where(along > _UNEVEN * across, 4, np.where(across > _UNEVEN * along, 1, 2))
-        parent = np.repeat(rows, 4)
-        pieces, child = np.repeat(parts, 4), np.tile(np.arange(4), len(rows))
-        layers = 4 // pieces
-        which_u, which_t = child // layers, child % layers
-        half = self.half[parent] / layers
-        t = self.t[parent] + half * (2 * which_t + 1 - layers)
-        key = (self.column[parent] * 3 + pieces // 2) * 4 + which_u
+        parts = _parts(self._sides(rows, patch))
+        parent, parts = np.repeat(rows, PARTS), np.repeat(parts, PARTS, axis=0)
+        child = np.tile(np.arange(PARTS), len(rows))
+        along = child // (parts[:, 1] * parts[:, 2])
+        inner = np.column_stack([child // parts[:, 2] % parts[:, 1], child % parts[:, 2]])
+        half = self.half[parent] / parts[:, 1:]
+        middle = self.middle[parent] + half * (2 * inner + 1 - parts[:, 1:])
+        key = (self.column[parent] * (PARTS + 1) + parts[:, 0]) * PARTS + along
         _, first, column = np.unique(key, return_index=True, return_inverse=True)
-        old, cuts = self.column[parent][first], pieces[first]
-        half_u = self.columns.half[old] / cuts
-        u = self.columns.u[old] + half_u * (2 * which_u[first] + 1 - cuts)
-        columns = Columns.of(self.bounds, u, half_u)
-        return BrakeCells(self.bounds, columns, column, self.coast[parent], t, half)
+        old, pieces = self.column[parent[first]], parts[first, 0]
+        half_u = self.columns.half[old] / pieces
+        u = self.columns.u[old] + half_u * (2 * along[first] + 1 - pieces)
+        return BrakeCells(self.bounds, Columns.of(self.bounds, u, half_u), column, middle, half)
+
+    def _sides(self, rows: IndexArray, patch: Patch) -> FloatArray:
+        """Return about how far off its slopes each side of some cells is [mm], (n, 3)."""
+        column, drives = self.column[rows], self.bounds.trajectory.machine.drives
+        half_u, half_t = self.columns.half[column], self.half[rows, 1]
+        lasting = self.columns.lasting(drives.quick_stop_deceleration)[column]
+        slowest = 0.5 * max(drives.quick_stop_deceleration) * half_t * half_t
+        ways = np.abs(patch.ways[rows]).max(axis=-1)
+        sides: FloatArray = ways * ways / _CURVED
+        sides[:, 0] += self.columns.most_a[column, :3].max(axis=-1) * half_u * half_u
+        sides[:, 2] += np.where(self.middle[rows, 1] - half_t < lasting, slowest, 0.0)
+        return sides
 
     def patch(self) -> Patch:
         """Return where the carriages are in each cell."""
         columns, count = self.columns, len(self)
-        middle, ways, beyond = np.empty((count, 3)), np.empty((count, 2, 3)), np.empty((count, 5))
+        middle, ways, beyond = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 5))
         plan = columns.half, columns.q, columns.v, columns.a, columns.most_a, columns.most_j
-        cells = self.column, self.coast, self.t, self.half
-        drives = self.bounds.trajectory.machine.drives
-        brake_patches(plan, cells, drives.quick_stop_deceleration, (middle, ways, beyond))
+        deceleration = self.bounds.trajectory.machine.drives.quick_stop_deceleration
+        cells = self.column, self.middle, self.half
+        brake_patches(plan, cells, deceleration, (middle, ways, beyond))
         return Patch(middle, ways, beyond)
+
+
+def _parts(sides: FloatArray) -> IndexArray:
+    """Return into how many parts to cut each side (n, 3): ``PARTS`` in all."""
+    parts, bent = np.ones(sides.shape, dtype=np.intp), sides.copy()
+    rows = np.arange(len(sides))
+    for _ in range(PARTS.bit_length() - 1):
+        longest = bent.argmax(axis=1)
+        parts[rows, longest] *= 2
+        bent[rows, longest] *= 0.25
+    return parts

@@ -22,7 +22,7 @@ from duoglide.kinematics.compiled import compiled, inlined
 from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.motion.curve_bounds import bernstein, curve_bounds
-from duoglide.motion.profile import TIME, Profile, hermite
+from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
 from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._nearby import with_pairs
@@ -90,14 +90,18 @@ def transfer_rates(path: TransferPath) -> Rates:
 
 
 def _profile_rates(profile: Profile) -> Rates:
-    """Bound the derivatives of sigma in each piece of a profile, shape (m, 1)."""
-    powers = hermite(profile.knots)
-    steps = np.diff(profile.knots[:, TIME])[:, None]
+    """Bound the derivatives of sigma in each piece of a profile, (m, 1), from its Bezier points."""
+    h, rise = np.diff(profile.knots[:, : SIGMA + 1], axis=0).T
+    speed, rate = profile.knots[:, SPEED] / 5.0, profile.knots[:, ACCELERATION] / 20.0
+    first, last = h * speed[:-1], h * speed[1:]
+    second, fourth = first + h * h * rate[:-1], last - h * h * rate[1:]
+    third = rise - (first + second + fourth + last)
+    steps = np.stack([first, second, third, fourth, last])
     found = []
-    for degree in (4, 3, 2):
-        powers = powers[:, 1:] * np.arange(1, powers.shape[1])
-        scaled = powers * steps ** np.arange(degree + 1)
-        found.append(np.abs(scaled @ bernstein(degree).T).max(axis=1)[:, None])
+    for factor in (5.0, 4.0, 3.0):
+        steps = steps * (factor / h)
+        found.append(np.abs(steps).max(axis=0)[:, None])
+        steps = np.diff(steps, axis=0)
     return found[0], found[1], found[2]
 
 

@@ -7,8 +7,8 @@ where the brake begins and how fast the carriages are, not on how the plan would
 each point of the path has its largest safe speed.
 
 The report is a certificate: brakes between two samples are bounded, not guessed. Cells of (instant
-of the plan, time since the brake began) are cut until the room that each is certain to keep is
-enough, and near the least room of all samples.
+of the last setpoint, time until all brake, time since) are cut until the room that each is certain
+to keep is enough, and near the least room of all samples.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duoglide.arrays import FloatArray
 from duoglide.machine import Machine
 from duoglide.motion.trajectory import Trajectory
-from duoglide.planning._admissible import Room, locate
+from duoglide.planning._admissible import Room, locate, room
 from duoglide.planning._brake_cells import BrakeCells, Brakes
 from duoglide.planning._carriage_bounds import CarriageBounds
-from duoglide.planning._nearby import Patch, room_on
+from duoglide.planning._nearby import room_on
 
 __all__ = ["ALLOWED", "BrakeReport", "Brakes", "brake_report"]
 
@@ -33,6 +34,10 @@ _FEWEST = 8
 _PHASES = 6  # cells of the time from brake to standstill
 _CHUNK = 4_000  # cells of the plan at a time
 _SHARP = 0.02  # mm, or share of the clearance, to which the least one is found
+_DESCENTS = 3
+_AROUND = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)], indexing="ij"), axis=-1).reshape(
+    -1, 3
+)
 _BLUNT = 0.5  # mm: the same where the plan is not safe anyway
 _MOST = 500_000  # cells that are looked at in one chunk
 _FINEST = 1e-6  # mm: a cell that is no farther across is as good as its middle
@@ -104,14 +109,16 @@ class _Search:
             left -= len(cells)
             patch = cells.patch()
             here, lowest = room_on(self._machine, patch, self._clear_enough())
-            self._note(cells, patch, here)
-            room = lowest.least()
-            open_ = (room < self._enough()) | (lowest.clearance < self._clear_enough())
+            self._note(here, cells.times, patch.middle)
+            if left == _MOST - len(cells):
+                self._descend(cells, int(np.argmin(here.clearance)))
+            least = lowest.least()
+            open_ = (least < self._enough()) | (lowest.clearance < self._clear_enough())
             if left > 0:
                 open_ &= patch.reach()[:, :3].max(axis=-1) > _FINEST
             else:
                 open_[:] = False
-            self._sure = min(self._sure, float(room[~open_].min(initial=np.inf)))
+            self._sure = min(self._sure, float(least[~open_].min(initial=np.inf)))
             clear = lowest.clearance[~open_].min(initial=np.inf)
             self._sure_clear = min(self._sure_clear, float(clear))
             cells = cells.cut(np.flatnonzero(open_), patch)
@@ -129,15 +136,34 @@ class _Search:
             position=self._position,
         )
 
-    def _note(self, cells: BrakeCells, patch: Patch, here: Room) -> None:
-        """Remember the worst sample."""
+    def _note(self, here: Room, times: FloatArray, carriages: FloatArray) -> None:
+        """Remember the worst sample.
+
+        Args:
+            here: Room of samples.
+            times: When their brakes begin, and since when, in two parts, shape (n, 3).
+            carriages: Where they are, shape (n, 3).
+        """
         index, quantity, amount = here.worst()
         self._seen_clear = min(self._seen_clear, float(here.clearance.min()))
         if amount < self._seen:
             self._seen, self._quantity = amount, quantity
-            self._time, self._after = float(cells.u[index]), float(cells.t[index])
-            x, y, z = locate(self._machine, patch.middle[index])[0].tolist()
+            self._time, self._after = float(times[index, 0]), float(times[index, 1:].sum())
+            x, y, z = locate(self._machine, carriages[index])[0].tolist()
             self._position = (x, y, z)
+
+    def _descend(self, cells: BrakeCells, index: int) -> None:
+        """Sample about the middle of a cell, nearer and nearer to where the clearance is least.
+
+        The sooner samples come near the least, the fewer cells have to be cut.
+        """
+        place, step = cells.times[index], cells.sides[index]
+        for _ in range(_DESCENTS):
+            times = cells.within(place + _AROUND * step)
+            carriages = cells.brakes(times)
+            here = room(self._machine, carriages)
+            self._note(here, times, carriages)
+            place, step = times[np.argmin(here.clearance)], 0.4 * step
 
     def _enough(self) -> float:
         """Return the room above which a cell is closed."""
