@@ -22,7 +22,8 @@ from duoglide.storage import (
 
 Pace = Sequence[tuple[float, float, Phase]]
 """Path time, rate and phase of each cycle."""
-WriteRun = Callable[[Pace], Path]
+WriteRun = Callable[..., Path]
+"""Takes a pace, the name of the log, and the plan if it is not the fixture's."""
 
 CYCLE = 0.002
 ANCHOR = ClockAnchor(monotonic=50.0, wall_ns=1_700_000_000_000_000_000)
@@ -76,17 +77,17 @@ def paced(trajectory: dg.Trajectory) -> Callable[[dict[int, float]], Pace]:
 def write_run(trajectory: dg.Trajectory, tmp_path: Path) -> WriteRun:
     """Writes the log that a streamer would, with drives that follow two cycles later."""
 
-    def write(pace: Pace, name: str = "run.mcap") -> Path:
+    def write(pace: Pace, name: str = "run.mcap", plan: dg.Trajectory = trajectory) -> Path:
         file = tmp_path / name
-        scales = Scales.of(trajectory.machine.drives)
+        scales = Scales.of(plan.machine.drives)
         noise = random.Random(4)
-        sent = [scales.triple(trajectory.at(pace[0][0]).carriages)] * 2
+        sent = [scales.triple(plan.at(pace[0][0]).carriages)] * 2
         with LogWriter(file, LogKind.RUN, {"bus": "none"}, ANCHOR) as log:
-            log.attach("machine", trajectory.machine.to_dict())
-            log.attach("trajectory", trajectory.to_document())
+            log.attach("machine", plan.machine.to_dict())
+            log.attach("trajectory", plan.to_document())
             log.write(Topic.EVENT, 50.0, EventRecord(EventKind.STARTED, "program started"))
             for number, (u, rate, phase) in enumerate(pace):
-                setpoint = scales.triple(trajectory.at(float(u)).carriages)
+                setpoint = scales.triple(plan.at(float(u)).carriages)
                 first, second, third = (at + noise.randint(-20, 20) for at in sent[-2])
                 sent.append(setpoint)
                 record = CycleRecord(

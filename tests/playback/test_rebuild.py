@@ -13,10 +13,11 @@ from duoglide.motion.actions import WaitInput
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import recheck, recheck_repaced
+from duoglide.playback.replay import prepare as rerun
 from duoglide.storage import CycleRecord, LogKind, LogWriter, Phase, Topic, read_log
 
 Pace = Sequence[tuple[float, float, Phase]]
-WriteRun = Callable[[Pace], Path]
+WriteRun = Callable[..., Path]
 
 
 def test_a_run_at_full_speed_gives_its_plan_back(run_log: Path, trajectory: dg.Trajectory) -> None:
@@ -56,6 +57,18 @@ def test_a_changed_pace_keeps_the_stop_limits(
     strict = replace(trajectory.machine, stop_limits=limits)  # the change used its reserve
     with pytest.raises(dg.LimitError, match="jerk limit"):
         recheck_repaced(strict, recorded.motion)
+
+
+def test_what_was_replayed_with_a_changed_pace_can_be_replayed_again(
+    paced: Callable[[dict[int, float]], Pace], write_run: WriteRun
+) -> None:
+    once = rerun(write_run(paced({25: 0.9, 70: 1.0}))).trajectory
+    cycle, end = once.machine.drives.cycle, once.duration
+    moving = [(k * cycle, 1.0, Phase.PROGRAM) for k in range(1, int(end / cycle) + 1)]
+    pace = [(0.0, 0.0, Phase.HOLD), *moving, (end, 0.0, Phase.HOLD)]
+    log = write_run(pace, "again.mcap", once)
+    assert rerun(log).trajectory.profile == once.profile
+    assert rerun(log, override=0.5).trajectory.duration == pytest.approx(2.0 * end)
 
 
 def test_a_log_whose_setpoints_are_not_its_plans_is_refused(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from duoglide.arrays import as_number
 from duoglide.errors import InputError, LogError
+from duoglide.motion.timing_report import TimingMethod
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import recheck, recheck_repaced
@@ -89,11 +90,12 @@ def prepare(
     recording = read_log(source)
     recorded = rebuild(recording)
     described = machine if machine is not None else recorded.plan.machine
-    if override is None and not recorded.at_full_speed:
-        trajectory = recheck_repaced(described, recorded.motion)
+    share = 1.0 if override is None else require_share(override)
+    motion = recorded.motion if override is None else slowed(recorded.plan, share)
+    if motion.report.method is TimingMethod.RECORDED:  # of this run, or of one that it replayed
+        trajectory = recheck_repaced(described, motion)
     else:
-        share = 1.0 if override is None else require_share(override)
-        trajectory = recheck(described, slowed(recorded.plan, share), share)
+        trajectory = recheck(described, motion, share)
     return Rerun(described, trajectory, approach or Document.APPROACH in recording.documents)
 
 
