@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.kinematics import nearest
+from duoglide.kinematics import _batch, nearest
 from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.singularity import FAMILIES
 from duoglide.motion.blending import round_corners
@@ -26,7 +27,7 @@ def in_numpy(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Whoever asks whether compiled loops pay hears that they do not."""
     for module in (check_judge, check_least):
         monkeypatch.setattr(module, "kernel_pays", lambda: False)
-    monkeypatch.setattr(nearest, "numba_is_loaded", lambda: False)
+    monkeypatch.setattr(nearest, "nearest_loop_pays", lambda: False)
     return monkeypatch
 
 
@@ -96,9 +97,9 @@ def test_compiled_loops_measure_poses_as_numpy_does(
     sides = np.stack([np.abs(margins[name]) for name in FAMILIES], axis=1)
     np.testing.assert_allclose(found[inside, rest:], sides, rtol=0, atol=1e-10)
     many = nearest_surface(machine.geometry, 1, points[inside])
-    in_numpy.setattr(nearest, "numba_is_loaded", lambda: True)
+    in_numpy.setattr(nearest, "nearest_loop_pays", lambda: True)
     loops = nearest_surface(machine.geometry, 1, points[inside])
-    in_numpy.setattr(nearest, "numba_is_loaded", lambda: False)
+    in_numpy.setattr(nearest, "nearest_loop_pays", lambda: False)
     np.testing.assert_allclose(loops.distance, many.distance, rtol=0, atol=1e-10)
 
 
@@ -139,13 +140,31 @@ def test_a_report_is_the_same_whoever_measures(in_numpy: pytest.MonkeyPatch) -> 
     np.testing.assert_allclose(first, second, rtol=0, atol=1e-9)
 
 
-def test_numba_is_loaded_once_numpy_has_judged_a_few_paths(
+def test_compiled_loops_take_over_after_a_few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(check_judge._Checked, "curves", 0)
+    path = dg.Path.line((-41, 0, 300), (-41, 9, 300))
+    answers = []
+    for _ in range(check_judge.WORTH_LOADING + 2):
+        dg.check_path(dg.Machine.default(), path)
+        answers.append(check_judge.kernel_pays())
+    assert answers == [False] * check_judge.WORTH_LOADING + [True] * 2
+
+
+def test_the_nearest_surface_is_found_compiled_when_it_is_asked_for_often(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(check_judge, "numba_is_loaded", lambda: False)
-    monkeypatch.setattr(check_judge._Judged, "times", 0)
-    answers = [check_judge.kernel_pays() for _ in range(check_judge.WORTH_LOADING + 2)]
-    assert answers == [False] * check_judge.WORTH_LOADING + [True] * 2
-    monkeypatch.setattr(check_judge, "numba_is_loaded", lambda: True)
-    monkeypatch.setattr(check_judge._Judged, "times", 0)
-    assert check_judge.kernel_pays()
+    asked = []
+
+    def loop(*given: Any) -> None:
+        asked.append(given)
+        _batch.nearest_many(*given)
+
+    monkeypatch.setattr(_batch._Answered, "nearest", 0)
+    monkeypatch.setattr(nearest, "nearest_many", loop)
+    pose = np.array([[-41.0, 0.0, 300.0]])
+    found = [
+        nearest_surface(dg.Geometry(), 1, pose).distance[0]
+        for _ in range(_batch.WORTH_COMPILING + 2)
+    ]
+    assert len(asked) == 2
+    assert np.ptp(found) < 1e-10

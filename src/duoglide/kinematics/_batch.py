@@ -22,6 +22,7 @@ from duoglide.kinematics.constants import Constants
 
 WORTH_LOADING = 1_000_000  # poses that numpy answers before numba is loaded for the next
 WORTH_CALLING = 500  # poses, from which calling compiled loops pays once they are loaded
+WORTH_COMPILING = 12  # calls of ``nearest_surface`` that numpy answers first
 BLOCK = 4096  # poses at a time in numpy: what is between the steps stays in the cache
 DOUBLE = np.dtype(np.float64)
 ARRAY, FLOAT, EMPTY, ONE_POSE = np.ndarray, float, np.empty, (3,)
@@ -33,9 +34,10 @@ _legs_columns = kernels.in_numpy(kernels.legs_pose)
 
 
 class _Answered:
-    """How many poses numpy has answered in this process."""
+    """How many poses numpy has answered in this process, and how often it found the nearest."""
 
     poses = 0
+    nearest = 0
 
 
 def inverse_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
@@ -91,9 +93,10 @@ def nearest_many(
     _compiled(nearest_loop)(_flat(position), within, k, curve, out)
 
 
-def numba_is_loaded() -> bool:
-    """Whether this process has numba already, so that compiled loops cost no more than a call."""
-    return "numba" in sys.modules
+def nearest_loop_pays() -> bool:
+    """Whether the process has numba already, and asks for the nearest surface again and again."""
+    _Answered.nearest += 1
+    return _Answered.nearest > WORTH_COMPILING and "numba" in sys.modules
 
 
 def _blocks(given: FloatArray, out: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:

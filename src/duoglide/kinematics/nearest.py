@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._batch import nearest_many, numba_is_loaded
+from duoglide.kinematics._batch import nearest_loop_pays, nearest_many
 from duoglide.kinematics._case2 import Case2Curve, IndexArray, curve_of, packed_curve
 from duoglide.kinematics._nearest_pose import SURFACES
 from duoglide.kinematics.constants import pose_constants
@@ -61,7 +61,7 @@ def nearest_surface(g: Geometry, v: int, position: FloatArray, within: float = i
     shape, poses = position.shape[:-1], position.size // 3
     distance, away = np.empty(poses), np.zeros((poses, 3))
     surface = np.empty(poses, dtype=np.intp)
-    if numba_is_loaded():
+    if nearest_loop_pays():
         k = pose_constants(g, replace(WORKING, v=v))
         nearest_many(position, within, k, packed_curve(g, v), (distance, away, surface))
     else:

@@ -5,29 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._batch import numba_is_loaded
 from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import reach_of
 from duoglide.planning.check_margins import boxes, clearance, outside, room_to_travel, travel
 from duoglide.planning.check_rules import Intervals, Parts, Rules, Verdict
 
-WORTH_LOADING = 12  # calls; a path takes about four
+WORTH_LOADING = 3  # curves
 
 
-class _Judged:
-    """How often numpy has judged something in this process."""
+class _Checked:
+    """How many curves have been checked in this process."""
 
-    times = 0
+    curves = 0
+
+
+def count_curve() -> None:
+    """Count one more curve that is checked."""
+    _Checked.curves += 1
 
 
 def kernel_pays() -> bool:
-    """Whether compiled loops are loaded, or numpy has been called so often that they should be.
+    """Whether this process checks so many curves that compiled loops are worth loading.
 
-    A path or two are checked before numba would be loaded, and never wait for it.
+    numpy checks the first few: who has only those never waits for numba, nor for the compiler.
     """
-    _Judged.times += 1
-    return numba_is_loaded() or _Judged.times > WORTH_LOADING
+    return _Checked.curves > WORTH_LOADING
 
 
 def measured(rules: Rules, positions: FloatArray) -> FloatArray:
