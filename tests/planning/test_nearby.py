@@ -17,6 +17,7 @@ from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import locate, room
 from duoglide.planning._brake_cells import BrakeCells, Brakes
 from duoglide.planning._carriage_bounds import CarriageBounds
+from duoglide.planning._certify import keeps
 from duoglide.planning._nearby import Patch, room_on, swing_of, with_pairs
 from duoglide.planning._rest_to_rest import rest_to_rest
 from duoglide.planning.braking import brake_report
@@ -134,6 +135,29 @@ def test_a_transfer_is_certain_to_keep_what_it_reports(seed: int) -> None:
     least = float(dg.clearance(machine.geometry, positions).min())
     assert motion.path.least_clearance <= least + ROUNDING
     assert motion.path.least_clearance >= least - 2e-3
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_a_straight_way_of_the_carriages_keeps_what_dense_samples_show_and_no_more(
+    seed: int,
+) -> None:
+    rng = np.random.default_rng(seed)
+    machine = random_machine(rng)
+    poses = rng.uniform((-90.0, -120.0, 275.0), (90.0, 120.0, 315.0), (2, 3))
+    if not dg.reachable(machine.geometry, poses).all():
+        return
+    start, end = dg.inverse(machine.geometry, poses)
+    shares = np.linspace(0.0, 1.0, 20_001)[:, None]
+    found = room(machine, start + shares * (end - start))
+    clear, free = float(found.clearance.min()), float(found.keep_out.min())
+    if clear == -np.inf:
+        assert not keeps(machine, start, end, (-1.0, -np.inf))
+        return
+    assert keeps(machine, start, end, (clear - 1e-4, min(free, 1e9) - 1e-4))
+    assert not keeps(machine, start, end, (clear + 1e-5, -np.inf))
+    if machine.keep_out:
+        assert not keeps(machine, start, end, (-np.inf, free + 1e-5))
 
 
 def test_the_way_of_the_platform_is_bounded_about_any_pose() -> None:

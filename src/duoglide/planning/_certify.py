@@ -56,6 +56,34 @@ def certify(machine: Machine, path: TransferPath) -> float:
     return sure + machine.clearance
 
 
+def keeps(machine: Machine, start: FloatArray, end: FloatArray, floor: tuple[float, float]) -> bool:
+    """Tell whether a straight way of the carriages keeps some room for certain, at every point.
+
+    Args:
+        machine: The machine.
+        start: Carriages at the beginning [mm], shape (3,).
+        end: The same at the end.
+        floor: What is to be left of the clearance and of the distance to keep-out boxes, beyond
+            what the machine asks for [mm].
+    """
+    low, high = np.zeros(1), np.ones(1)
+    while low.size:
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        ways = (half[:, None] * (end - start))[:, None]
+        patch = Patch(start + middle[:, None] * (end - start), ways, np.zeros((low.size, 5)))
+        here, lowest = room_on(machine, patch, floor[0])
+        if here.clearance.min() < floor[0] or here.keep_out.min() < floor[1]:
+            return False
+        open_ = (lowest.clearance < floor[0]) | (lowest.keep_out < floor[1])
+        low, high = (
+            np.concatenate([low[open_], middle[open_]]),
+            np.concatenate([middle[open_], high[open_]]),
+        )
+        if low.size and np.min(high - low) < _FINEST:
+            return False
+    return True
+
+
 def _patch(path: TransferPath, middle: FloatArray, half: FloatArray) -> Patch:
     """Return where the carriages are in cells of time, each within one piece."""
     states = path.derivatives(middle)

@@ -2,8 +2,9 @@
 
 A carriage may have run past its travel, or the platform into the neighbourhood of a singularity.
 The way out is found in carriage space, leg by leg, each straight from rest to rest at creep speed.
-Travel and carriage order are concave along such a leg; clearance is looked at. What is too small
-never gets smaller on the way, and what is large enough stays so.
+Travel and carriage order are concave along such a leg; clearance is looked at, and bounded between
+the places where it is. What is too small gets no smaller than at the start of a leg, and what is
+large enough stays so.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import TOUCHING, locate, room
+from duoglide.planning._certify import keeps
 from duoglide.planning._rest_to_rest import rest_to_rest
 from duoglide.planning.stopping import stop_bounds
 
@@ -88,10 +90,11 @@ def _next_corner(machine: Machine, here: FloatArray) -> FloatArray:
     before = float(room(machine, here[None]).least()[0])
     for target in _targets(machine, here):
         end, margin = _way_toward(machine, here, target)
-        if margin > 0.0 >= before + gain or margin - before > gain:
+        better = margin > 0.0 >= before + gain or margin - before > gain
+        if better and _is_certain(machine, here, end):
             best, gain = end, margin - before
-        if margin > 0.0:
-            break
+            if margin > 0.0:
+                break
     if gain <= _LOSS:
         raise _no_way(machine, here)
     return best
@@ -142,6 +145,13 @@ def _good_part(machine: Machine, start: FloatArray, target: FloatArray) -> tuple
     full = np.flatnonzero(least >= RESERVE)
     stop = int(full[0]) if full.size else int(np.argmax(least))
     return places[stop], float(least[stop])
+
+
+def _is_certain(machine: Machine, start: FloatArray, end: FloatArray) -> bool:
+    """Whether nothing between the samples of a leg is worse than its start, or too small."""
+    here = room(machine, start[None])
+    clear, free = (min(float(value[0]), 0.0) - _LOSS for value in (here.clearance, here.keep_out))
+    return keeps(machine, start, end, (clear, free))
 
 
 def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Trajectory:
