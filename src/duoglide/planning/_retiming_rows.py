@@ -49,7 +49,7 @@ def limit_rows(
     nodes = 1 + 2 * acceleration.shape[2]
     count = delta.size * (4 + 2 * nodes + 2 * POINTS * jerk.shape[2]) + nodes
     rows = np.empty(count, dtype=np.int64), np.empty((count, WIDTH)), np.empty(count)
-    fill_limits(delta, unit, limits, tangent, rows)
+    fill_limits((delta, unit), limits, tangent, np.zeros((POINTS, 3, WIDTH)), rows)
     return rows
 
 
@@ -153,13 +153,31 @@ def _write_cell(delta: float, unit: float, at: FloatArray) -> None:
 write_cell = inlined(_write_cell)
 
 
-def _fill_limits(
-    delta: FloatArray, unit: float, limits: Any, tangent: FloatArray, out: Any
-) -> None:
-    """Fill the rows of ``limit_rows``."""
+def _write_pair(at: Any, factors: Any, slack: float, rows: FloatArray, r: int) -> None:
+    """Keep a sum of alpha, beta and d beta/d theta within 1, or 1.5 less ``slack`` times alpha."""
+    by_alpha, by_beta, by_rate = factors
+    for j in range(WIDTH):
+        within = by_alpha * at[0, j] + by_beta * at[1, j] + by_rate * at[2, j]
+        rows[r, j] = slack * at[0, j] + within
+        rows[r + 1, j] = slack * at[0, j] - within
+
+
+write_pair = inlined(_write_pair)
+
+
+def _fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, out: Any) -> None:
+    """Fill the rows of ``limit_rows``.
+
+    Args:
+        cells: Length of each, and the factor of beta in the unknowns.
+        limits: See ``limit_rows``.
+        tangent: See there.
+        at: Zeros, (3, 3, 4): room for the rows of alpha, beta and d beta/d theta of one cell.
+        out: The rows.
+    """
+    delta, unit = cells
     speed, acceleration, jerk = limits
     first, rows, bounds = out
-    at = np.zeros((POINTS, 3, WIDTH))
     r = 0
     for k in range(delta.size):
         write_cell(delta[k], unit, at)
@@ -171,24 +189,27 @@ def _fill_limits(
             rows[r, 2 * end] = -(1.0 - _LEAST) * weight
             rows[r, 2 * end + 1] = (2.0 * end - 1.0) * weight * delta[k] / (1.5 * unit)
             bounds[r] = 0.0
-            r += 1
             pace = 0.5 * (speed[k, end] + speed[k, end + 1])
-            write_alpha(0.25 + 0.5 * end, 2.0 * delta[k] / unit, pace, rows[r])
-            bounds[r] = 1.0
-            r += 1
+            write_alpha(0.25 + 0.5 * end, 2.0 * delta[k] / unit, pace, rows[r + 1])
+            bounds[r + 1] = 1.0
+            r += 2
         for p in range(POINTS):
             if p < 2 or k == delta.size - 1:  # elsewhere this is the next cell's first point
-                r = fill_node(at[p], speed[k, p], acceleration[k, p], r, (rows, bounds))
-            alpha = tangent[k, p]
-            root = sqrt(alpha)
-            slope = 0.5 / alpha
-            for i in range(jerk.shape[2]):
-                middle = 3.0 * jerk[k, p, i, 1]
                 for j in range(WIDTH):
-                    within = jerk[k, p, i, 0] * at[p, 2, j] + middle * at[p, 1, j]
-                    within = root * (within + jerk[k, p, i, 2] * at[p, 0, j])
-                    rows[r, j] = slope * at[p, 0, j] + within
-                    rows[r + 1, j] = slope * at[p, 0, j] - within
+                    rows[r, j] = speed[k, p] * at[p, 0, j]
+                bounds[r] = 1.0
+                r += 1
+                for i in range(acceleration.shape[2]):
+                    factors = acceleration[k, p, i, 1], acceleration[k, p, i, 0], 0.0
+                    write_pair(at[p], factors, 0.0, rows, r)
+                    bounds[r] = 1.0
+                    bounds[r + 1] = 1.0
+                    r += 2
+            root = sqrt(tangent[k, p])
+            for i in range(jerk.shape[2]):
+                third = root * jerk[k, p, i, 0]
+                factors = root * jerk[k, p, i, 2], 3.0 * root * jerk[k, p, i, 1], third
+                write_pair(at[p], factors, 0.5 / tangent[k, p], rows, r)
                 bounds[r] = 1.5
                 bounds[r + 1] = 1.5
                 r += 2
@@ -196,23 +217,4 @@ def _fill_limits(
             first[row] = 2 * k
 
 
-def _fill_node(at: FloatArray, speed: float, acceleration: FloatArray, r: int, out: Any) -> int:
-    """Fill the limits of speed and acceleration at one point; return the next row."""
-    rows, bounds = out
-    for j in range(WIDTH):
-        rows[r, j] = speed * at[0, j]
-    bounds[r] = 1.0
-    r += 1
-    for i in range(acceleration.shape[0]):
-        for j in range(WIDTH):
-            within = acceleration[i, 0] * at[1, j] + acceleration[i, 1] * at[0, j]
-            rows[r, j] = within
-            rows[r + 1, j] = -within
-        bounds[r] = 1.0
-        bounds[r + 1] = 1.0
-        r += 2
-    return r
-
-
-fill_node = inlined(_fill_node)
 fill_limits = compiled(_fill_limits)
