@@ -171,6 +171,7 @@ class Recording:
     """Eight cycles; the third takes longer than it may."""
 
     done = False
+    standstill = 0
 
     def __init__(self, clock: Clock, third: int) -> None:
         self.clock, self.third = clock, third
@@ -200,7 +201,8 @@ def test_where_all_stands_still_together_the_schedule_is_moved_up_to_a_limit(
 ) -> None:
     clock = Clock()
     streamer = Recording(clock, third)
-    run_cycles(streamer, clock, 1000, standstill=5000)
+    streamer.standstill = 5000
+    run_cycles(streamer, clock, 1000)
     assert [number for number, _, _ in streamer.calls] == numbers
     times = [time for _, time, _ in streamer.calls]
     assert all(later > earlier for earlier, later in pairwise(times))

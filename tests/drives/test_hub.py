@@ -29,8 +29,6 @@ class Listener:
     """A station that notes what it hears and answers SYNC."""
 
     patience = 0.005
-    standstill = 0.25
-    waited_for = False
     abandoned = False
 
     def __init__(self) -> None:
@@ -45,9 +43,6 @@ class Listener:
         if can_id == 0x80:
             for node in (1, 2, 3):
                 self.send(0x180 + node, bytes(6))
-
-    def follow(self, waits: bool) -> None:
-        self.waited_for = waits
 
     def abandon(self) -> None:
         self.abandoned = True
@@ -120,20 +115,6 @@ def test_a_frame_that_is_none_is_refused(text: str) -> None:
         decode_send(text.encode().split())
 
 
-@pytest.mark.parametrize("asks", [False, True])
-def test_the_drives_stand_still_only_with_a_host_that_has_asked(asks: bool) -> None:
-    station = Listener()
-    with running(station) as hub:
-        leader, other = connect(hub), connect(hub)
-        if asks:
-            assert leader.ask_standstill() == station.standstill
-        leader.send(can.Message(arbitration_id=0x80, is_extended_id=False))
-        receive(other, 1)
-        assert station.waited_for is asks
-        leader.shutdown()
-        other.shutdown()
-
-
 def family(bus: SocketcandBus) -> socket.AddressFamily:
     with socket.socket(fileno=os.dup(bus.fileno())) as copy:
         return socket.AddressFamily(copy.family)
@@ -152,19 +133,6 @@ def test_clients_on_this_computer_and_clients_over_tcp_hear_each_other() -> None
         assert [can_id for can_id, _ in station.heard] == [0x123, 0x124, 0x321, 0x322]
         local.shutdown()
         remote.shutdown()
-
-
-def test_frames_that_come_before_the_answer_are_kept() -> None:
-    station = Listener()
-    with running(station) as hub:
-        bus, other = connect(hub), connect(hub)
-        bus.send(can.Message(arbitration_id=0x001, is_extended_id=False))
-        other.send(can.Message(arbitration_id=0x181, data=b"12", is_extended_id=False))
-        wait_until(lambda: bool(bus._poll.poll(0)))
-        assert bus.ask_standstill() == station.standstill
-        assert bus.receive_frames() == [(0x181, b"12")]
-        bus.shutdown()
-        other.shutdown()
 
 
 def test_the_station_learns_that_whoever_sent_sync_is_gone() -> None:

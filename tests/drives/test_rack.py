@@ -4,8 +4,10 @@ import pytest
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Control
+from duoglide.drives.firmware_objects import RefusalError
 from duoglide.drives.rack import DriveRack
 from duoglide.drives.simulated import build_rack
+from duoglide.drives.standstill import INDEX, seconds_in
 from duoglide.machine import DriveSettings
 
 PERIOD = 2000  # [us]
@@ -96,8 +98,8 @@ def test_when_sync_stays_away_the_wall_clock_takes_over(rack: DriveRack) -> None
 def patient() -> DriveRack:
     """Return drives that stand still with their host for up to 0.1 s, in the middle of a run."""
     rack = build_rack(DriveSettings(), (0.0, 10.0, -20.0), standstill=0.1)
-    rack.follow(waits=True)
     switch_on(rack)
+    assert seconds_in(rack.nodes[1].objects.upload(INDEX, 0)) == 0.1
     for node in rack.nodes:
         node.objects.write(0x1400, 5, 20)
         node.objects.write(0x6007, 0, 3)
@@ -122,6 +124,30 @@ def test_a_host_that_stays_away_or_is_gone_is_missed(patient: DriveRack, gone: b
         patient.abandon()
     patient.poll(last + (30_000 if gone else 101_000))
     assert {s.state.name for s in patient.snapshot()} == {"QUICK_STOP_ACTIVE"}
+
+
+def test_a_host_that_does_not_ask_is_missed_at_once() -> None:
+    rack = build_rack(DriveSettings(), (0.0, 10.0, -20.0), standstill=0.1)
+    switch_on(rack)
+    for node in rack.nodes:
+        node.objects.write(0x1400, 5, 20)
+        node.objects.write(0x6007, 0, 3)
+        node.objects.write(0x605A, 0, 6)
+    for k in range(10):
+        cycle(rack, 10_000 + k * PERIOD, 100 * k)
+    rack.poll(10_000 + 9 * PERIOD + 30_000)
+    assert {s.state.name for s in rack.snapshot()} == {"QUICK_STOP_ACTIVE"}
+
+
+def test_drives_that_never_stand_still_do_not_have_the_object() -> None:
+    never = build_rack(DriveSettings(), (0.0, 10.0, -20.0), standstill=0.0)
+    with pytest.raises(RefusalError):
+        never.nodes[0].objects.upload(INDEX, 0)
+
+
+@pytest.mark.parametrize("data", [b"", b"\x64", b"\x64\0\0\0", b"\xff\xff\xff\xff", bytes(8)])
+def test_what_another_manufacturer_keeps_there_is_no_standstill(data: bytes) -> None:
+    assert seconds_in(data) == 0.0
 
 
 def test_drives_count_in_their_own_direction() -> None:

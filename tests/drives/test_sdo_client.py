@@ -119,3 +119,16 @@ def test_after_closing_it_hears_nothing() -> None:
     network = Network()
     client(network).close()
     assert not hasattr(network, "callback")
+
+
+def test_a_transfer_whose_segment_is_lost_begins_again() -> None:
+    begin, first, last = answer(0x41, 0x1008, 0, 10), b"\x00Linear ", b"\x19axis   "[:8]
+    network = Network([begin], [first], [], [begin], [first], [last])
+    assert client(network).upload(0x1008, 0) == b"Linear axi"
+    assert [request[0] for request in network.asked] == [0x40, 0x60, 0x70, 0x40, 0x60, 0x70]
+
+
+def test_a_transfer_that_never_comes_to_its_end_is_given_up() -> None:
+    begin: list[list[bytes]] = [[answer(0x41, 0x1008, 0, 10)], []]
+    with pytest.raises(DriveTimeout, match=r"reading 0x1008:0"):
+        client(Network(*begin * 4), retries=1).upload(0x1008, 0)

@@ -6,6 +6,7 @@ from duoglide.drives.firmware import FirmwareAxis
 from duoglide.drives.node_memory import ParameterMemory
 from duoglide.drives.node_objects import NodeObjects, read_variables
 from duoglide.drives.sdo_server import SdoServer
+from duoglide.drives.standstill import Standstill
 
 READ_NAME = bytes((0x40, 0x08, 0x10, 0x00)) + bytes(4)
 
@@ -13,7 +14,9 @@ READ_NAME = bytes((0x40, 0x08, 0x10, 0x00)) + bytes(4)
 class Client:
     def __init__(self) -> None:
         self.answers: list[bytes] = []
-        self.objects = NodeObjects(read_variables(1), FirmwareAxis(), ParameterMemory())
+        self.objects = NodeObjects(
+            read_variables(1), FirmwareAxis(), ParameterMemory(), Standstill()
+        )
         self.server = SdoServer(self.objects, self.answers.append)
 
     def ask(self, *data: int) -> bytes:

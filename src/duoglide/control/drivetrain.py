@@ -112,10 +112,15 @@ class Drivetrain:
     def bring_up(self) -> None:
         """Identify and configure the drives, and start their cyclic frames; power stays off."""
         with self.axes() as axes:
-            bring_up(self.machine, axes)
-            self._set_homed(all(axis.read_homed() for axis in axes))
+            self._bring_up(axes)
         if not self._connection.monitor.wait_for(lambda entry: not entry.missing, _PATIENCE):
             raise self._unanswered(self.latest.missing)
+
+    def _bring_up(self, axes: tuple[Axis, ...]) -> None:
+        bring_up(self.machine, axes)
+        standstill = min(axis.ask_standstill() for axis in axes)
+        self._connection.process.order(Command.STANDSTILL, 0, standstill)
+        self._set_homed(all(axis.read_homed() for axis in axes))
 
     def _unanswered(self, missing: int) -> DriveTimeout:
         """Make the error for drives that do not answer SYNC; bit i of ``missing`` is axis i + 1."""
@@ -165,8 +170,7 @@ class Drivetrain:
             if not self._connection.monitor.wait_for(_no_fault, _PATIENCE):
                 raise next(axis.fault() for axis in axes if axis.read_state() in _FAULTY)
             order(Command.POWER, Power.SILENT)
-            bring_up(self.machine, axes)
-            self._set_homed(all(axis.read_homed() for axis in axes))
+            self._bring_up(axes)
 
     # Reference
 

@@ -92,21 +92,6 @@ class BusLink:
                 frames.append((message.arbitration_id, bytes(message.data)))
         return frames
 
-    def ask_standstill(self) -> float:
-        """Ask for how long the drives stand still with this computer [s]; real ones never do.
-
-        Raises:
-            BusError: The bus is dead.
-        """
-        from duoglide.drives.socketcand import SocketcandBus
-
-        if not isinstance(self._bus, SocketcandBus):
-            return 0.0
-        try:
-            return self._bus.ask_standstill()
-        except self._failures as error:
-            raise BusError(f"the bus is dead: {error}") from error
-
     def close(self) -> None:
         """Leave the bus."""
         self._bus.shutdown()

@@ -9,9 +9,16 @@ if TYPE_CHECKING:
 
 
 class Cyclic(Protocol):
-    """Something that is done once a cycle."""
+    """Something that is done once a cycle.
+
+    Attributes:
+        done: Whether there is nothing left to do.
+        standstill: Up to which lateness the schedule is moved, as simulated drives stand still with
+            this computer; 0 on real ones [ns].
+    """
 
     done: bool
+    standstill: int
 
     def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
         """Do one cycle.
@@ -25,7 +32,7 @@ class Cyclic(Protocol):
         ...
 
 
-def run_cycles(work: Cyclic, clock: Clock, period: int, standstill: int = 0) -> None:
+def run_cycles(work: Cyclic, clock: Clock, period: int) -> None:
     """Run cycles on absolute deadlines until the work is done.
 
     A cycle that begins more than a period late has missed the next ones: they are skipped, and
@@ -38,7 +45,6 @@ def run_cycles(work: Cyclic, clock: Clock, period: int, standstill: int = 0) -> 
         work: What to do.
         clock: Whose deadlines.
         period: Of the cycle [ns].
-        standstill: Up to which lateness the schedule is moved instead [ns]; 0 on real drives.
     """
     deadline, number = clock.now() + period, 0
     while not work.done:
@@ -46,7 +52,7 @@ def run_cycles(work: Cyclic, clock: Clock, period: int, standstill: int = 0) -> 
         now = clock.now()
         lateness = now - deadline
         skipped = lateness // period
-        if skipped and lateness <= standstill:
+        if skipped and lateness <= work.standstill:
             skipped, deadline = 0, now
         deadline += (1 + skipped) * period
         number += 1 + skipped

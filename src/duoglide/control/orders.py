@@ -27,6 +27,7 @@ class Command(IntEnum):
     FORGET = 8  # the latched trips, on purpose
     OUTPUTS = 9  # argument: axis index; value: 0x60FE:1 as a whole number
     CLOSE = 10
+    STANDSTILL = 11  # value: for how long simulated drives stand still with this computer [s]
 
 
 class Refusal(IntEnum):
@@ -118,7 +119,6 @@ class StreamSettings:
         host_node: Node number that the host's heartbeat carries.
         heartbeat_every: Cycles between two heartbeats of the host.
         policy: What is bridged, and for how long.
-        standstill: For how long simulated drives on this computer stand still with it [ns].
     """
 
     node_ids: tuple[int, int, int]
@@ -126,14 +126,12 @@ class StreamSettings:
     host_node: int
     heartbeat_every: int
     policy: Policy
-    standstill: int = 0
 
-    def standing_still(self, seconds: float) -> StreamSettings:
-        """Return the settings for drives that stand still with this computer, for so long.
+    def policy_standing_still(self, seconds: float) -> Policy:
+        """Return the policy for drives that stand still with this computer, for so long.
 
-        Late cycles, and silence of all drives at once, then mean that a process was not given a
-        processor: the run survives what with real drives it would have to stop for.
+        Silence of all drives at once then means that a process was not given a processor: the run
+        survives what with real drives it would have to stop for.
         """
         silence = max(self.policy.silence, math.ceil(seconds * 1e9 / self.cycle))
-        policy = replace(self.policy, silence=silence)
-        return replace(self, policy=policy, standstill=round(seconds * 1e9))
+        return replace(self.policy, silence=silence)

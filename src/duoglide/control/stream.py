@@ -38,6 +38,10 @@ class Streamer:
         settings: Of the machine.
         inbox: The host's orders.
         outbox: Where records go.
+
+    Attributes:
+        done: Whether it was told to end, or has nothing to end for.
+        standstill: See ``loop.Cyclic``.
     """
 
     def __init__(self, link: Link, settings: StreamSettings, inbox: Inbox, outbox: Outbox) -> None:
@@ -55,6 +59,7 @@ class Streamer:
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
         self._departure = Departure()
         self.done = False
+        self.standstill = 0
 
     def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
         """Do one cycle; see ``loop.Cyclic``."""
@@ -122,6 +127,9 @@ class Streamer:
             self._set_outputs(argument, int(value))
         elif order is Command.CLOSE:
             self.done = True
+        elif order is Command.STANDSTILL:
+            self.standstill = round(value * 1e9)
+            self._watch.policy = self._settings.policy_standing_still(value)
         elif order is Command.QUICK_STOP:
             self._watch.seen.pressed = True
         elif self._motion is not None:

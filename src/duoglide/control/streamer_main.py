@@ -122,16 +122,16 @@ def main(arguments: list[str]) -> int:
         return 2
     try:
         link = BusLink(open_bus(assignment.bus, assignment.bit_rate))
-        settings = assignment.settings.standing_still(link.ask_standstill())
     except BusError as error:
         _answer(programs, error)
         return 1
+    settings = assignment.settings
     streamer = Streamer(link, settings, inbox, ring)
     threading.Thread(target=take_programs, args=(programs, inbox), daemon=True).start()
     granted = become_realtime()
     streamer.tell(Happening.READY, code=granted.fifo | granted.locked << 1 | granted.slack << 2)
     _answer(programs, None)
-    run_cycles(streamer, MonotonicClock(), settings.cycle, settings.standstill)
+    run_cycles(streamer, MonotonicClock(), settings.cycle)
     link.close()
     return 0
 

@@ -17,19 +17,24 @@ class Watch:
 
     Args:
         policy: What is bridged, and for how long.
+
+    Attributes:
+        policy: As given; it may be replaced.
+        seen: Of this cycle.
+        reaction: The strongest that is latched.
     """
 
     def __init__(self, policy: Policy) -> None:
         self.seen = Observation()
         self.reaction = Reaction.NONE
-        self._policy = policy
+        self.policy = policy
         self._told: set[tuple[Condition, int, int]] = set()
         self._life = 0
 
     @property
     def too_late(self) -> bool:
         """Whether so many cycles in a row are late that the run must stop."""
-        return self.seen.late >= self._policy.late
+        return self.seen.late >= self.policy.late
 
     def see_axes(self, tracks: tuple[AxisTrack, ...], due: IntTriple | None) -> None:
         """Note what the drives said.
@@ -60,7 +65,7 @@ class Watch:
 
     def news(self) -> Iterator[Trip]:
         """Yield what is met for the first time, and let the reaction grow with it."""
-        for trip in assess(self.seen, self._policy):
+        for trip in assess(self.seen, self.policy):
             self.reaction = max(self.reaction, trip.reaction)
             key = (trip.condition, trip.axis, trip.code)
             if key not in self._told:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from duoglide.drives import pdo
+from duoglide.drives import pdo, standstill
 from duoglide.drives.cia402 import (
     Control,
     Mode,
@@ -22,6 +22,7 @@ from duoglide.drives.cia402 import (
 )
 from duoglide.drives.configure import Identity, configure, identify, wait_for_boot
 from duoglide.drives.drive_objects import DriveObjects
+from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import DriveFault, DriveTimeout
 
 _PAUSE = 0.002  # between two looks at a statusword [s]
@@ -103,6 +104,16 @@ class Axis(DriveObjects):
             axis=self.number,
             code=code,
         )
+
+    def ask_standstill(self) -> float:
+        """Return for how long the drive stands still with this computer [s]; a real one never does.
+
+        Whoever asks promises to stand still with it.
+        """
+        try:
+            return standstill.seconds_in(self.read_bytes(standstill.INDEX, 0))
+        except SdoRefusalError:
+            return 0.0
 
     def describe(self) -> AxisReport:
         """Ask the drive what it is and how it is; changes nothing."""

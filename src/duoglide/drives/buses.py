@@ -13,6 +13,8 @@ name                                 what it is
 from __future__ import annotations
 
 import ipaddress
+import os
+import socket
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -23,6 +25,8 @@ from duoglide.errors import BusError
 if TYPE_CHECKING:
     import can
 
+_UDP_ROOM = 1 << 22  # bytes for what comes while a process is kept waiting
+_BEYOND_THE_LIMIT = 33  # SO_RCVBUFFORCE, which Python's socket does not name
 _FORMS = "virtual, socketcand:HOST:PORT, udp:GROUP:PORT, socketcan:IFACE"
 
 
@@ -138,7 +142,13 @@ def _open_socketcand(bus: BusName, bit_rate: int) -> can.BusABC:
 def _open_udp(bus: BusName, bit_rate: int) -> can.BusABC:
     from can.interfaces.udp_multicast import UdpMulticastBus
 
-    return UdpMulticastBus(bus.place, bus.port, hop_limit=0, fd=False)  # stay on this computer
+    opened = UdpMulticastBus(bus.place, bus.port, hop_limit=0, fd=False)  # stay on this computer
+    with socket.socket(fileno=os.dup(opened.fileno())) as same:
+        try:
+            same.setsockopt(socket.SOL_SOCKET, _BEYOND_THE_LIMIT, _UDP_ROOM)
+        except OSError:  # only for root on Linux; others get what net.core.rmem_max allows
+            same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _UDP_ROOM)
+    return opened
 
 
 def _open_socketcan(bus: BusName, bit_rate: int) -> can.BusABC:

@@ -51,6 +51,10 @@ class DriveObjects:
         signed = self._variable(index, sub).data_type in (2, 3, 4)  # INTEGER8, 16, 32
         return int.from_bytes(data, "little", signed=signed)
 
+    def read_bytes(self, index: int, sub: int) -> bytes:
+        """Return an object that the EDS need not know."""
+        return self._sdo.upload(index, sub)
+
     def read_text(self, index: int) -> str:
         """Return a text from the drive's object dictionary."""
         return self._sdo.upload(index, 0).decode("ascii", "replace")

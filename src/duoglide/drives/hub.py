@@ -2,9 +2,6 @@
 
 Clients on Linux that know Duoglide's hub come through a Unix socket beside the TCP port.
 
-One word more than that protocol: ``< standstill >`` asks for how long the station stands still when
-the computer does, and promises that whoever asked will wait for it.
-
 Every client hears every other client and the station in this process, in one order. Frames for a
 client are collected and written once a turn. One thread, no locks.
 """
@@ -19,7 +16,6 @@ from typing import Protocol
 
 from duoglide.drives.socketcand import (
     LOOPBACK,
-    STANDSTILL,
     MessageSplitter,
     decode_send,
     encode_frame,
@@ -47,13 +43,6 @@ class Station(Protocol):
     def poll(self, now: int) -> None:
         """Let time pass."""
 
-    @property
-    def standstill(self) -> float:
-        """For how long it stands still with a host that wishes it [s]."""
-
-    def follow(self, waits: bool) -> None:
-        """Learn that a client begins to send SYNC, and whether it has asked for ``standstill``."""
-
     def abandon(self) -> None:
         """Learn that the client that sent SYNC is gone."""
 
@@ -70,7 +59,6 @@ class _Client:
         self.raw_since = 0.0
         self.settled = False
         self.leads = False  # sends SYNC
-        self.waits = False  # has asked for how long the drives stand still with the computer
 
     def flush(self) -> bool:
         """Write what can be written; False if the client is gone or does not read."""
@@ -203,16 +191,11 @@ class Hub:
         for words in waiting:
             if words[0] == b"send":
                 if _is_sync(words):
-                    self._lead(client)
+                    client.leads = True
                     syncs -= 1
                 self._frame(client, words, now, syncs)
             else:
                 self._answer(client, words[0])
-
-    def _lead(self, client: _Client) -> None:
-        if not client.leads:
-            client.leads = True
-            self._station.follow(client.waits)
 
     def _frame(self, client: _Client, words: list[bytes], now: int, behind: int) -> None:
         try:
@@ -227,10 +210,6 @@ class Hub:
     def _answer(self, client: _Client, word: bytes) -> None:
         if word == b"rawmode":
             client.listens, client.raw_since = True, time.monotonic()
-        if word == STANDSTILL:
-            client.waits = True
-            client.waiting += b"< %b %.6f >" % (STANDSTILL, self._station.standstill)
-            return
         known = word in (b"open", b"rawmode")
         client.waiting += b"< ok >" if known else b"< echo >" if word == b"echo" else b"< error >"
 

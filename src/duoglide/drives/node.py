@@ -18,6 +18,7 @@ from duoglide.drives.node_pdo import ProcessData
 from duoglide.drives.pdo import Nmt, NmtState
 from duoglide.drives.plant import Plant
 from duoglide.drives.sdo_server import SdoServer
+from duoglide.drives.standstill import Standstill
 from duoglide.drives.watchdogs import HEARTBEAT_LOST
 
 Send = Callable[[int, bytes], None]
@@ -47,6 +48,7 @@ class DriveNode:
         make_axis: Callable[[], AxisApplication],
         plant: Plant,
         increments_per_mm: float,
+        standstill: Standstill | None = None,
     ) -> None:
         self.node_id = node_id
         self.plant = plant
@@ -58,13 +60,14 @@ class DriveNode:
         self._make_axis = make_axis
         self._variables = read_variables(node_id)
         self._memory = ParameterMemory()
+        self._standstill = standstill or Standstill()
         self._boot_wait = 0.0  # [us]
         self._clock = 0  # [us]
         self._power_up()
 
     def _power_up(self) -> None:
         self.axis = self._make_axis()
-        self.objects = NodeObjects(self._variables, self.axis, self._memory)
+        self.objects = NodeObjects(self._variables, self.axis, self._memory, self._standstill)
         self.process_data = ProcessData(self.objects, self.axis, self.node_id)
         self._sdo = SdoServer(self.objects, self._reply)
         self._sdo_queue: list[tuple[float, bytes]] = []  # when to serve, request

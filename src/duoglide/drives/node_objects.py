@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from duoglide.drives import standstill
 from duoglide.drives.application import AxisApplication
 from duoglide.drives.firmware_objects import (
     DEFAULTS,
@@ -15,6 +16,7 @@ from duoglide.drives.firmware_objects import (
 )
 from duoglide.drives.linear_axis import object_dictionary
 from duoglide.drives.node_memory import LOAD, RESTORE, SAVE, STORE, ParameterMemory
+from duoglide.drives.standstill import Standstill
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -52,7 +54,9 @@ class NodeObjects:
         variables: Mapping[tuple[int, int], ODVariable],
         axis: AxisApplication,
         memory: ParameterMemory,
+        standstill: Standstill,
     ) -> None:
+        self._standstill = standstill
         self._axis = axis
         self._memory = memory
         self._errors: list[int] = []
@@ -199,6 +203,8 @@ class NodeObjects:
 
     def upload(self, index: int, sub: int) -> bytes:
         """Return an object as bytes."""
+        if index == standstill.INDEX and self._standstill.seconds:
+            return self._standstill.agree()
         variable = self._variable(index, sub)
         value = self._values[index, sub]
         raw = value if isinstance(value, str) else self.read(index, sub)

@@ -6,9 +6,9 @@ one, and one more for each SYNC that the host has left out: for each whole perio
 clock has gone on and for which no SYNC waits behind this one. When SYNC stays away the wall clock
 takes over, and with it the drives' own watchdogs.
 
-A host on this computer may say that it moves its schedule when the computer stands still. Then the
+A host may agree to move its schedule when the computer stands still (``standstill``). Then the
 drives stand still with it: one period passes from each SYNC to the next, and the wall clock takes
-over only after a longer silence, or once the host's connection is gone.
+over only after a longer silence, or once the host's connection is known to be gone.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State, decode
 from duoglide.drives.node import DriveNode, Send
+from duoglide.drives.standstill import Standstill
 
 _LATE = 2.5  # periods after which a SYNC counts as missing, not as late
 _TARDY = 0.95  # of a period, up to which a SYNC is late and none has been left out
@@ -52,17 +53,15 @@ class DriveRack:
 
     Args:
         nodes: The drives.
-        standstill: For how long the drives stand still with a host that wishes it [s].
+        standstill: The one that these drives share.
 
     Attributes:
         nodes: The drives.
-        standstill: As given.
     """
 
-    def __init__(self, nodes: Sequence[DriveNode], standstill: float = 0.0) -> None:
+    def __init__(self, nodes: Sequence[DriveNode], standstill: Standstill | None = None) -> None:
         self.nodes = tuple(nodes)
-        self.standstill = standstill
-        self._patience = 0  # with the host that leads now [us]
+        self._standstill = standstill or Standstill()
         self._by_id = {node.node_id: node for node in nodes}
         self._wall: int | None = None  # the moment up to which time has passed [us]
         self._last_sync: int | None = None
@@ -93,29 +92,31 @@ class DriveRack:
         for node in self.nodes:
             node.receive(can_id, data)
 
+    @property
+    def _bearing(self) -> int:
+        """For how long SYNC may stay away before time passes for the drives [us]."""
+        return round(self._standstill.seconds * 1e6) if self._standstill.agreed else 0
+
     def poll(self, now: int) -> None:
         """Let the wall clock pass; call it once no frame is waiting."""
         if self._last_sync is not None:
             silence = now - self._last_sync
-            if silence <= max(_LATE * self._period, self._patience):
+            if silence <= max(_LATE * self._period, self._bearing):
                 return
-            if silence > max(_UNLOCKED * self._period, self._patience):
-                self._last_sync = None
+            if silence > max(_UNLOCKED * self._period, self._bearing):
+                self.abandon()
         self._pass_to(now)
-
-    def follow(self, waits: bool) -> None:
-        """A host begins to send SYNC; whether it waits where the computer stands still."""
-        self._patience = round(self.standstill * 1e6) if waits else 0
 
     def abandon(self) -> None:
         """Whoever sent SYNC is gone: from now on it is the wall clock that counts."""
         self._last_sync = None
+        self._standstill.agreed = False
 
     def _synchronise(self, now: int, behind: int) -> None:
         self._period = max([node.axis.period for node in self.nodes])
         if self._last_sync is None or self._wall is None or self._since_sync >= self._period:
             self._pass_to(now)
-        elif self._patience:
+        elif self._bearing:
             self._pass(self._period - self._since_sync)
             self._wall = now
         else:

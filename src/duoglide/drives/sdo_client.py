@@ -97,10 +97,21 @@ class SdoClient:
         """
         name = f"reading 0x{index:04X}:{sub}"
         request = _HEAD.pack(0x40, index, sub) + bytes(4)
-        answer = self._ask(request, _for(index, sub, 0x40), name, timeout)
-        if answer[0] & 2:
-            size = 4 - (answer[0] >> 2 & 3) if answer[0] & 1 else 4
-            return answer[4 : 4 + size]
+        restarts = self._retries
+        while True:
+            answer = self._ask(request, _for(index, sub, 0x40), name, timeout)
+            if answer[0] & 2:
+                size = 4 - (answer[0] >> 2 & 3) if answer[0] & 1 else 4
+                return answer[4 : 4 + size]
+            try:
+                return self._segments(name, timeout)
+            except DriveTimeout:  # a segment cannot be asked for twice, the object can
+                if not restarts:
+                    raise
+                restarts -= 1
+
+    def _segments(self, name: str, timeout: float | None) -> bytes:
+        """Read an object of more than four bytes, whose transfer has begun."""
         value, toggle = b"", 0
         while True:
             request = bytes((0x60 | toggle,)) + bytes(7)

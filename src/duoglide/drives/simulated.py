@@ -22,6 +22,7 @@ from duoglide.drives.firmware_homing import HomingAxis
 from duoglide.drives.node import DriveNode
 from duoglide.drives.plant import Plant, PlantParameters
 from duoglide.drives.rack import DriveRack, DriveSnapshot
+from duoglide.drives.standstill import Standstill
 from duoglide.errors import BusError, DriveTimeout
 from duoglide.machine import DriveSettings
 
@@ -52,17 +53,18 @@ def build_rack(
         positions: Where the carriages stand [mm], three values.
         plants: What hangs on each drive; three, or None for the default.
         make_axis: Makes the firmware's application of one drive.
-        standstill: For how long they stand still with a host that wishes it, and as long as they
-            wait for setpoints at the least; 0 for never [s].
+        standstill: For how long they stand still with a host that agrees to it, and as long as
+            they wait for setpoints at the least; 0 for never [s].
     """
+    shared = Standstill(max(standstill, settings.setpoint_patience) if standstill else 0.0)
     nodes = []
     for i, node_id in enumerate(settings.node_ids):
         scale = settings.direction[i] * settings.increments_per_mm[i]
         parameters = plants[i] if plants is not None else PlantParameters()
         plant = Plant(_with_switch(parameters, settings, i))
         plant.position = float(positions[i])
-        nodes.append(DriveNode(node_id, make_axis, plant, scale))
-    return DriveRack(nodes, max(standstill, settings.setpoint_patience) if standstill else 0.0)
+        nodes.append(DriveNode(node_id, make_axis, plant, scale, shared))
+    return DriveRack(nodes, shared)
 
 
 def _with_switch(parameters: PlantParameters, settings: DriveSettings, i: int) -> PlantParameters:
@@ -123,7 +125,7 @@ class SimulatedDrives:
         positions: Where the carriages stand [mm], three values.
         bus: ``virtual`` starts a hub; any other name is opened and served.
         plants: What hangs on each drive; three, or None for the default.
-        standstill: For how long they stand still with a host that wishes it; see ``build_rack``.
+        standstill: For how long they stand still with a host that agrees to it; see ``build_rack``.
     """
 
     def __init__(

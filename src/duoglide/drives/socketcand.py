@@ -22,12 +22,10 @@ from duoglide.drives.pdo import ERROR_FRAME
 Frame = tuple[int, bytes]  # identifier, data
 
 LOOPBACK = "127.0.0.1"
-STANDSTILL = b"standstill"  # a word that only Duoglide's own hub knows
 EXTENDED = 1 << 31  # set in the identifier of a 29-bit frame, as SocketCAN has it
 _EXTENDED_IDS = 1 << 29
 _STANDARD_IDS = 1 << 11
 _STANDARD_DIGITS = 3
-_ASK_PATIENCE = 0.5  # for a server that passes over what it does not know [s]
 _WRITE_PATIENCE = 0.1  # how long a send may wait for room in the socket [s]
 
 
@@ -141,24 +139,6 @@ class SocketcandBus(can.BusABC):
         for request in (f"< open {self._channel} >", "< rawmode >"):
             self._socket.sendall(request.encode())
             self._expect(b"ok", timeout)
-
-    def ask_standstill(self) -> float:
-        """Ask for how long the drives there stand still with this computer; see ``Hub``.
-
-        Whoever asks a hub promises to wait for them. Frames that come meanwhile are kept.
-
-        Returns:
-            Seconds; 0 from any other server.
-        """
-        self._write(b"< %b >" % STANDSTILL)
-        deadline = time.monotonic() + _ASK_PATIENCE
-        answers: list[list[bytes]] = []
-        while not answers and (left := deadline - time.monotonic()) > 0.0:
-            if self._poll.poll(left * 1e3):
-                messages = self._read()
-                self._received.extend(self._message(m) for m in messages if m[0] == b"frame")
-                answers = [m for m in messages if m[0] != b"frame"]
-        return float(answers[0][1]) if answers and answers[0][0] == STANDSTILL else 0.0
 
     def _expect(self, word: bytes, timeout: float) -> None:
         """Wait for one answer; frames that come merged with it are kept."""
