@@ -243,6 +243,32 @@ def test_a_name_that_the_terminal_cannot_show_is_no_traceback() -> None:
     assert Path(name).exists()
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["plan", "points.csv", "--out", "./points.csv"],
+        ["log", "points.csv", "--csv", "points.csv"],
+        ["log", "points.csv", "--foxglove", "points.csv"],
+    ],
+)
+def test_no_output_takes_the_place_of_what_is_read(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = "-41,0,300\n-41,10,300\n"
+    Path("points.csv").write_text(text)
+    assert "take the place" in refused(command, capsys)
+    assert Path("points.csv").read_text() == text
+
+
+@pytest.mark.parametrize("content", [None, b"", b"text"])
+def test_the_page_does_not_open_with_a_file_that_is_no_log(
+    content: bytes | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if content is not None:
+        Path("some.mcap").write_bytes(content)
+    assert "some.mcap" in refused(["view", "some.mcap", "--port", "0"], capsys)
+
+
 def test_a_folder_that_is_not_ours_is_refused_before_the_work(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

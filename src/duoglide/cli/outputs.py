@@ -10,15 +10,18 @@ from duoglide.errors import InputError
 _PICTURES = (".png", ".pdf", ".svg")
 
 
-def require_place(*files: Path | None) -> None:
-    """Refuse files that could not be written in the end.
+def require_place(*files: Path | None, reads: Path | None = None) -> None:
+    """Refuse files that could not be written in the end, and the one that is read meanwhile.
 
     Raises:
-        InputError: The folder is not there or not to be written in, or the file is a folder.
+        InputError: The folder is not there or not to be written in, or the file is a folder, or
+            would take the place of ``reads``.
     """
     for file in files:
         if file is None:
             continue
+        if reads is not None and file.resolve() == reads.resolve():
+            raise InputError(f"cannot write {file}: it would take the place of what is read")
         if file.is_dir():
             raise InputError(f"cannot write {file}: it is a folder")
         if not file.parent.is_dir():

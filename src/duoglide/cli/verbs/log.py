@@ -67,7 +67,7 @@ def log(
 
     A log that was killed or damaged is read up to its last whole record.
     """
-    require_place(csv, parquet, candump, foxglove)
+    require_place(csv, parquet, candump, foxglove, reads=file)
     require_picture(picture)
     from duoglide.storage import read_log
 

@@ -57,7 +57,7 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Check a path, time it near its optimum under the carriages' limits, and write the plan."""
-    require_place(out)
+    require_place(out, reads=program)
     require_picture(picture)
     described = load_machine(machine)
     path = read_path(program, points=point, pick=pick, place=place, lift=lift, tolerance=tolerance)

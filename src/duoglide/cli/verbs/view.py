@@ -10,6 +10,7 @@ import typer
 
 from duoglide.cli.console import say
 from duoglide.cli.options import Bus, MachineFile, load_machine
+from duoglide.storage import read_log
 
 if TYPE_CHECKING:
     from duoglide.viewer.join import JoinedRobot
@@ -58,6 +59,8 @@ def view(
     """
     drives = _joined(pid) if join or pid is not None else bus
     described = load_machine(machine) if isinstance(drives, str) else drives.machine
+    if file is not None:
+        read_log(file)  # a page that is open can no longer fail
     from duoglide.viewer.page import Page
 
     with Page(described, file=file, drives=drives, host=host, port=port) as page:
