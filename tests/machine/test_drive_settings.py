@@ -51,3 +51,10 @@ def test_one_direction_serves_all_three_axes() -> None:
     assert dg.DriveSettings(direction=-1).direction == (-1, -1, -1)  # type: ignore[arg-type]
     with pytest.raises(dg.ConfigError, match="direction"):
         dg.DriveSettings(direction=True)  # type: ignore[arg-type]
+
+
+def test_drives_brake_no_harder_than_their_object_can_say() -> None:
+    fine = dg.DriveSettings(increments_per_mm=(1000.0, 1e5, 1e6))
+    assert fine.quick_stop_deceleration == (60e3, 42949.67295, 4294.967295)
+    coarse = dg.DriveSettings(increments_per_mm=(71_582.0,) * 3)
+    assert coarse.quick_stop_deceleration == (60e3,) * 3

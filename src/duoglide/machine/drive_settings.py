@@ -10,6 +10,7 @@ from duoglide.machine import rules
 from duoglide.machine.drive_quirks import Homing, Quirks
 
 BIT_RATES = (125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
+_MOST_INCREMENTS = 2**32 - 1  # per s^2 in 0x6085
 _MOST_MILLISECONDS = 65.535  # 0x1017, 0x1400:5 and 0x6066 are 16-bit milliseconds [s]
 
 
@@ -23,7 +24,8 @@ class DriveSettings:
         direction: +1 or -1, one or per axis: whether the drive counts along +y.
         bit_rate: Bits per second on the bus.
         cycle: SYNC period and setpoint period [s].
-        quick_stop_deceleration: 0x6085, what a drive brakes with by itself [mm/s^2].
+        quick_stop_deceleration: 0x6085, what a drive brakes with by itself [mm/s^2]; no more than
+            its 32 bits hold, which is less than 60 m/s^2 above 71 582 increments per mm.
         following_error_window: 0x6065 [mm].
         following_error_time: 0x6066, how long the window may be left [s].
         host_id: The host's own node number, in its heartbeat; not one of ``node_ids``.
@@ -98,6 +100,13 @@ class DriveSettings:
             ("quick_stop_deceleration", "mm/s^2"),
         ):
             self._store(**{key: rules.per_carriage(key, getattr(self, key), unit)})
+        first, second, third = (
+            min(wish, _MOST_INCREMENTS / fineness)
+            for wish, fineness in zip(
+                self.quick_stop_deceleration, self.increments_per_mm, strict=True
+            )
+        )
+        self._store(quick_stop_deceleration=(first, second, third))
         direction: object = self.direction
         if type(direction) is int:  # one for all three, as the other settings allow
             direction = (direction,) * 3
