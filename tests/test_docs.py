@@ -47,6 +47,15 @@ def test_every_command_is_one_that_the_command_line_takes(page: Path) -> None:
             group.commands[verb].make_context(verb, words)  # type: ignore[attr-defined]
 
 
+def test_the_machine_file_that_is_shown_is_one(tmp_path: Path) -> None:
+    (shown,) = blocks(ROOT / "docs" / "howto" / "machine.md", "toml")
+    file = tmp_path / "cell.toml"
+    file.write_text(shown, "utf-8")
+    machine = dg.Machine.load(file)
+    assert machine.keep_out[0].name == "feeder"
+    assert machine.drives.quirks[2].setpoint_timer is False
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_piece_of_python_is_python_with_names_that_exist(page: Path) -> None:
     for block in blocks(page, "python"):
