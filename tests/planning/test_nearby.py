@@ -105,6 +105,17 @@ def test_cells_that_are_cut_cover_the_same_brakes(seed: int) -> None:
             assert inside.any()
 
 
+def test_a_plan_is_cut_until_all_of_its_parts_have_bounds() -> None:
+    path = dg.pick_and_place((-80, -100, 300), (40, 100, 290), lift=15.0, tolerance=3.0)
+    motion = dg.plan(dg.Machine.default(), path, brake_safe=False)
+    bounds, whole = CarriageBounds.of(motion), np.array([0.0, motion.duration])
+    assert np.isinf(bounds.within(whole[:1], whole[1:])[0]).any()
+    cells = BrakeCells.cover(bounds, whole, 2)
+    assert np.isfinite(cells.times).all()
+    assert np.isfinite(cells.columns.most_a).all()
+    assert 2.0 * cells.columns.half.sum() == pytest.approx(motion.duration)
+
+
 @settings(max_examples=10, deadline=None, derandomize=True)
 @given(SEEDS)
 def test_brute_force_finds_no_less_than_the_report_and_not_much_more(seed: int) -> None:

@@ -26,6 +26,7 @@ from duoglide.planning._nearby import Patch, with_pairs
 
 IndexArray: TypeAlias = NDArray[np.intp]
 
+_SHORTEST = 1e-9  # s of the plan: nothing shorter is cut to get bounds
 PARTS = 8  # into which a cell is cut
 _CURVED = 100.0  # mm: radius to which ways of the carriages bend those of the platform, about
 
@@ -100,6 +101,16 @@ class Columns:
         most = np.minimum(near, second)
         return cls(u, half, state.carriages, state.velocity, state.acceleration, most, third)
 
+    @classmethod
+    def between(cls, bounds: CarriageBounds, edges: FloatArray) -> Columns:
+        """Evaluate the parts of a plan between edges [s], cut until all of them have bounds."""
+        while True:
+            columns = cls.of(bounds, 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
+            unknown = ~np.isfinite(columns.most_a).all(axis=-1) & (columns.half > _SHORTEST)
+            if not unknown.any():
+                return columns
+            edges = np.sort(np.concatenate([edges, columns.u[unknown]]))
+
     def lasting(self, deceleration: tuple[float, float, float]) -> FloatArray:
         """Return how long it takes at most until all carriages stand [s], shape (n,)."""
         speed = np.abs(self.v) + self.most_a[:, :3] * self.half[:, None]
@@ -132,7 +143,7 @@ class BrakeCells:
     def cover(cls, bounds: CarriageBounds, edges: FloatArray, phases: int) -> BrakeCells:
         """Cover the brakes out of ``edges`` [s]: at once, one cycle late, and that cycle."""
         drives = bounds.trajectory.machine.drives
-        columns = Columns.of(bounds, 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
+        columns = Columns.between(bounds, edges)
         lasting = columns.lasting(drives.quick_stop_deceleration)
         column = np.repeat(np.arange(len(lasting)), 2 * phases + 1)
         middle, half = np.zeros((2, len(lasting), 2 * phases + 1, 2))

@@ -112,15 +112,16 @@ class _Search:
             self._note(here, cells.times, patch.middle)
             if left == _MOST - len(cells):
                 self._descend(cells, int(np.argmin(here.clearance)))
-            least = lowest.least()
-            open_ = (least < self._enough()) | (lowest.clearance < self._clear_enough())
+            least, clear = (
+                np.where(np.isnan(v), -np.inf, v) for v in (lowest.least(), lowest.clearance)
+            )
+            open_ = (least < self._enough()) | (clear < self._clear_enough())
             if left > 0:
-                open_ &= patch.reach()[:, :3].max(axis=-1) > _FINEST
+                open_ &= ~(patch.reach()[:, :3].max(axis=-1) <= _FINEST)
             else:
                 open_[:] = False
             self._sure = min(self._sure, float(least[~open_].min(initial=np.inf)))
-            clear = lowest.clearance[~open_].min(initial=np.inf)
-            self._sure_clear = min(self._sure_clear, float(clear))
+            self._sure_clear = min(self._sure_clear, float(clear[~open_].min(initial=np.inf)))
             cells = cells.cut(np.flatnonzero(open_), patch)
 
     def report(self) -> BrakeReport:
