@@ -5,8 +5,6 @@ from __future__ import annotations
 from math import comb
 from typing import TypeAlias
 
-import numpy as np
-
 from duoglide.arrays import FloatArray
 
 Jet: TypeAlias = list[FloatArray]  # value, first derivative, second, ...
@@ -35,17 +33,24 @@ def height(value: FloatArray, *sides: Jet) -> Jet:
         return jet
     scale = -1.0 / value
     for n in range(1, order):
-        total = sum((_half_of_square(side, n) for side in sides), start=np.zeros_like(value))
-        total = total + _half_of_square([*jet, np.zeros_like(value)], n)
+        total = _half_of_square(sides[0], n)
+        for side in sides[1:]:
+            total = total + _half_of_square(side, n)
+        if n > 1:  # without r r^(n), which is what is sought
+            total = total + _half_of_square(jet, n, 1)
         jet.append(scale * total)
     return jet
 
 
-def _half_of_square(jet: Jet, n: int) -> FloatArray:
-    """Return half the n-th derivative of the square of ``jet``."""
-    total = np.zeros_like(jet[0])
-    for j in range((n + 1) // 2):
-        total = total + comb(n, j) * jet[j] * jet[n - j]
+def _half_of_square(jet: Jet, n: int, first: int = 0) -> FloatArray:
+    """Return half the n-th derivative, n > 0, of the square of ``jet``, from a term of it on."""
+    terms = [
+        comb(n, j) * jet[j] * jet[n - j] if j else jet[0] * jet[n]
+        for j in range(first, (n + 1) // 2)
+    ]
     if n % 2 == 0:
-        total = total + 0.5 * comb(n, n // 2) * jet[n // 2] ** 2
+        terms.append(0.5 * comb(n, n // 2) * jet[n // 2] ** 2)
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
     return total

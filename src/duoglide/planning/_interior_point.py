@@ -116,23 +116,25 @@ def _cost_terms(goal: Any, value: FloatArray, gradient: FloatArray, band: FloatA
     return cost
 
 
-cost_terms = compiled(_cost_terms)
+cost_terms = inlined(_cost_terms)
 
 
-def _add_rows(system: Any, iterate: Any, newton: Any, dual: FloatArray) -> Any:
-    """Add what the constraints do to gradient and Newton matrix, and find their residuals.
+def _assemble(system: Any, goal: Any, iterate: Any, newton: Any, dual: FloatArray) -> Any:
+    """Set gradient and Newton matrix to what cost and constraints make them; find the residuals.
 
     Args:
         system: See ``solve``.
+        goal: See there.
         iterate: Unknowns, cost's points, rows times unknowns, and the state of ``_direction``.
         newton: Newton matrix, gradient of the cost, step.
         dual: Where to write the gradient of the Lagrangian, (n,).
 
     Returns:
-        Sum of slack times multiplier, size of the dual residual, largest primal residual.
+        Cost, sum of slack times multiplier, size of the dual residual, largest primal residual.
     """
-    x, _value, gx, state = iterate
+    x, value, gx, state = iterate
     band, gradient, _dx = newton
+    cost = cost_terms(goal, value, gradient, band)
     for i in range(x.size):
         dual[i] = gradient[i]
     first, rows, bounds = system
@@ -157,10 +159,10 @@ def _add_rows(system: Any, iterate: Any, newton: Any, dual: FloatArray) -> Any:
         slope += abs(dual[i] * x[i])
         if band[0, i] == 0.0:  # no row touches this unknown
             band[0, i] = 1.0
-    return gap, slope, primal
+    return cost, gap, slope, primal
 
 
-add_rows = compiled(_add_rows)
+assemble = compiled(_assemble)
 
 
 def _direction(system: Any, state: FloatArray, newton: Any, target: float, second: bool) -> Any:
@@ -211,10 +213,11 @@ def _direction(system: Any, state: FloatArray, newton: Any, target: float, secon
 direction = compiled(_direction)
 
 
-def _advance(goal: Any, iterate: Any, dx: FloatArray, go_s: float, go_z: float) -> None:
-    """Step as far as slacks, multipliers and cost stay positive and finite."""
-    first, points, _offsets, weights = goal
-    x, value, _gx, state = iterate
+def _advance(system: Any, goal: Any, iterate: Any, dx: FloatArray, go: Any) -> None:
+    """Step as far as slacks, multipliers and cost stay positive and finite, and evaluate."""
+    go_s, go_z = go
+    first, points, offsets, weights = goal
+    x, value, gx, state = iterate
     for p in range(weights.size):
         move = 0.0
         for j in range(WIDTH):
@@ -226,6 +229,10 @@ def _advance(goal: Any, iterate: Any, dx: FloatArray, go_s: float, go_z: float) 
     for r in range(state.shape[1]):
         state[1, r] += go_s * state[3, r]
         state[2, r] += go_z * state[4, r]
+    times(first, points, x, value)
+    for p in range(weights.size):
+        value[p] += offsets[p]
+    times(system[0], system[1], x, gx)
 
 
 advance = compiled(_advance)
@@ -277,8 +284,7 @@ def solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> tuple[int,
     dual = np.empty(n)
     _begin(system, goal, iterate)
     for step in range(MAX_STEPS):
-        now = cost_terms(goal, iterate[1], newton[1], newton[0])
-        gap, slope, primal = add_rows(system, iterate, newton, dual)
+        now, gap, slope, primal = assemble(system, goal, iterate, newton, dual)
         if gap <= tolerance * now and slope <= _STATIONARY * now and primal <= _FEASIBLE:
             return step, True
         if not factor(newton[0], newton[0][0].copy()):
@@ -288,7 +294,6 @@ def solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> tuple[int,
         go_s, go_z, _ahead = direction(system, state, newton, target, True)
         if min(go_s, go_z) < _SHORT:  # the correction does more harm than good: only centre
             go_s, go_z, _ahead = direction(system, state, newton, _CENTRE * gap / m, False)
-        go_s, go_z = min(1.0, _BACK * go_s), min(1.0, _BACK * go_z)
-        advance(goal, iterate, newton[2], go_s, go_z)
-        _evaluate(system, goal, iterate)
+        go = min(1.0, _BACK * go_s), min(1.0, _BACK * go_z)
+        advance(system, goal, iterate, newton[2], go)
     return MAX_STEPS, False

@@ -128,6 +128,8 @@ def choose_blends(machine: Machine, path: Path) -> Path:
     Corners keep their tolerance. Corners with a blend of their own, sharp ones and those at rests
     stay as they are. A path that cannot be followed comes back as it is: the check says why.
     """
+    if all(isinstance(corner, Blend) or corner == 0.0 for corner in path.corners):
+        return path
     try:
         rounded = round_corners(path)
     except PathError:
