@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.planning.jog import Jog, JogLimits
+from duoglide.planning.jog import Jog, JogLimits, _bends, _sampled
 
 MACHINE = dg.Machine.default()
 CYCLE = MACHINE.drives.cycle
@@ -107,3 +107,29 @@ def test_it_does_not_begin_where_the_machine_must_not_stand() -> None:
         JogLimits(speed=0.0)
     with pytest.raises(dg.InputError, match="velocity"):
         Jog(MACHINE, HOME).aim([1.0, 2.0])
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 2**32 - 1))
+def test_no_motion_bows_off_the_chords_of_its_samples_by_more_than_is_taken_off(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    limits = JogLimits()
+    jog = Jog(MACHINE, HOME, limits)
+    way = np.eye(3)[rng.integers(3)] if rng.integers(2) else rng.normal(size=3)
+    straight = bool(rng.integers(2))
+    state, wish = rng.normal(size=(3, 3)), rng.normal(size=3)
+    if straight:
+        way /= np.linalg.norm(way)
+        state, wish = rng.normal(size=(3, 1)) * way, rng.normal() * way
+    scale = np.array([1.0, 0.5 * limits.speed, 0.3 * limits.acceleration])[:, None]
+    motion = jog._towards(state * scale, wish * 0.5 * limits.speed)
+    times = np.linspace(0.0, motion.duration, 17)
+    samples = _sampled(motion, times)
+    bow = 0.125 * _bends(samples, float(times[1]), limits.jerk)
+    low, high = samples[:-1, 0], samples[1:, 0]
+    square = np.maximum(((high - low) ** 2).sum(axis=-1), 1e-300)
+    for share in np.linspace(0.0, 1.0, 21):
+        place = _sampled(motion, times[:-1] + share * times[1])[:, 0]
+        along = np.clip(((place - low) * (high - low)).sum(axis=-1) / square, 0.0, 1.0)
+        off = np.linalg.norm(place - low - along[:, None] * (high - low), axis=-1)
+        assert np.all(off <= bow + 1e-7)

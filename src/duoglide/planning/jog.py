@@ -197,16 +197,18 @@ class Jog:
         places = rows[:, 0]
         half = machine.geometry.rail_half_length
         for k in range(3):
-            if not _keeps(half - np.abs(places[:, k]), places[:, k, None], gap * gap * a[:, k]):
+            bend = _larger(gap * gap * a[:, k])
+            if not _keeps(half - np.abs(places[:, k]), places[:, k, None], bend):
                 return "travel"
         apart = places[:, 1] - places[:, 0]
-        if not _keeps(apart - machine.carriage_width, apart[:, None], 2.0 * gap * gap * a.max(-1)):
+        bend = _larger(2.0 * gap * gap * a.max(axis=-1))
+        if not _keeps(apart - machine.carriage_width, apart[:, None], bend):
             return "order"
         return self._in_the_way(states, places, gap)
 
     def _in_the_way(self, states: FloatArray, carriages: FloatArray, gap: float) -> str:
         """Say what is missing of clearance, which y does not change, or of distance to boxes."""
-        position, bend = states[:, 0], gap * gap * _across(states)
+        position, bend = states[:, 0], _bends(states, gap, self._limits.jerk)
         flat = position * np.array([1.0, 0.0, 1.0])
         reserve = _SLACK + float(bend.max())
         if self._clear.holds(flat, reserve) and self._free.holds(position, reserve):
@@ -223,25 +225,42 @@ def _keeps(margin: FloatArray, places: FloatArray, bend: FloatArray) -> bool:
     """Tell whether a margin (n,) that changes by at most the way moved is kept between samples.
 
     Between two samples it is at least half of what their sum exceeds their distance by, less what
-    the way bows off the chord: an eighth of acceleration times time squared (``bend``). Where less
-    than the slack is left at the start, it must not get less.
+    the way bows off the chord: an eighth of acceleration times time squared (``bend``, (n - 1,)).
+    Where less than the slack is left at the start, it must not get less.
     """
     if np.isinf(margin).any():
         return bool((margin > 0.0).all())
     way = np.linalg.norm(np.diff(places, axis=0), axis=-1)
-    bow = 0.125 * np.maximum(bend[1:], bend[:-1])
-    between = 0.5 * (margin[1:] + margin[:-1] - way) - bow
+    between = 0.5 * (margin[1:] + margin[:-1] - way) - 0.125 * bend
     floor = min(_SLACK, float(margin[0]) - _ROUNDING)
     return bool(margin.min() >= floor and between.min() > TOUCHING)
 
 
-def _across(states: FloatArray) -> FloatArray:
-    """Return the acceleration across the direction of motion at each state, shape (n,)."""
+def _bends(states: FloatArray, gap: float, jerk: float) -> FloatArray:
+    """Bound acceleration times time squared between samples at most ``gap`` s apart, (n - 1,).
+
+    The acceleration is at most half a gap's jerk larger than at the ends. A straight motion leaves
+    its chords only where it turns back: ruckig's goes back once at most, and then its velocity
+    changes sign from sample to sample, or is braked at the first and driven at the second.
+    """
     v, a = states[:, 1], states[:, 2]
-    square = np.maximum((v * v).sum(axis=-1), 1e-300)
-    along = (v * a).sum(axis=-1) / square
-    across: FloatArray = np.linalg.norm(a - along[:, None] * v, axis=-1)
-    return np.where(square > 1e-20, across, 0.0)
+    bends: FloatArray = gap * gap * (_larger(np.linalg.norm(a, axis=-1)) + 0.5 * jerk * gap)
+    both = np.concatenate([v, gap * a])
+    longest = both[np.argmax((both * both).sum(axis=-1))]
+    way = longest / max(float(np.linalg.norm(longest)), 1e-300)
+    speed, drive = v @ way, a @ way
+    aside = np.linalg.norm(both - (both @ way)[:, None] * way, axis=-1)
+    if aside.max() > _ALONG * np.linalg.norm(longest):
+        return bends
+    back = speed[1:] * speed[:-1] < 0.0
+    back |= ((speed * drive)[:-1] < 0.0) & ((speed * drive)[1:] > 0.0)
+    return np.where(back, bends, 0.0)
+
+
+def _larger(samples: FloatArray) -> FloatArray:
+    """Return the larger of each two neighbours, (n - 1,)."""
+    larger: FloatArray = np.maximum(samples[1:], samples[:-1])
+    return larger
 
 
 def _sampled(motion: ruckig.Trajectory, times: FloatArray) -> FloatArray:
