@@ -14,7 +14,8 @@ import pytest
 import duoglide as dg
 from duoglide.motion.rate import ClockState, PathClock
 from duoglide.motion.stopping import StopBounds
-from duoglide.planning import program_planner, program_windows
+from duoglide.motion.timing_report import TimingMethod
+from duoglide.planning import program_planner, program_windows, timing_moving
 from duoglide.planning.braking import brake_report
 from duoglide.planning.program_windows import Seam
 from duoglide.planning.timing_base import seven_phases
@@ -294,3 +295,22 @@ def test_of_many_paths_a_few_are_held(machine: dg.Machine, monkeypatch: pytest.M
         most = max(most, sum(path() is not None for path in made))
     assert len(made) == 250
     assert most <= 6
+
+
+def test_a_part_whose_refinement_fails_says_so(
+    moving: list[dg.Trajectory], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert {part.report.method for part in moving} == {TimingMethod.NEAR_OPTIMAL}
+    sound, asked = timing_moving._sound, []
+
+    def failing(*given: Any) -> bool:
+        asked.append(given)
+        return sound(*given) and len(asked) != 2  # the first is before any refinement
+
+    monkeypatch.setattr(timing_moving, "_sound", failing)
+    parts = list(dg.plan_program(_brisk(), _winding(3), tolerance=3.0))
+    assert len(asked) > 2
+    flagged = [part.report for part in parts if part.report.reason]
+    assert {report.method for report in flagged} == {TimingMethod.IN_PART}
+    assert "refinement did not converge" in flagged[0].reason
+    assert max(_uses(_setpoints(parts), _brisk().limits)) < 1.0005

@@ -14,11 +14,13 @@ from duoglide.planning.timed_curve import TimedCurve
 from duoglide.planning.timing_grid import grid
 from duoglide.planning.timing_lead import ALLOWED, Lead, along, thinned
 from duoglide.planning.timing_span import (
+    COARSE,
     Effort,
     Search,
     Span,
     divided,
     fitting_bounds,
+    in_part,
     marks,
     parts_of,
 )
@@ -46,7 +48,7 @@ def time_moving(timed: TimedCurve, lead: Lead, end: float, effort: Effort) -> Sp
         found = search.quickest(effort) or search.quickest(effort.finer())
     if found is None:
         raise LimitError(f"no timing was found that begins at {lead.speed:g} mm/s")
-    return Span(found)
+    return found
 
 
 def _bounds(timed: TimedCurve, sigma: FloatArray) -> tuple[float, float, float]:
@@ -76,8 +78,9 @@ class _Moving:
         """State the problem on a grid."""
         return self.lead.granted(self.search.problem(times))
 
-    def quickest(self, effort: Effort) -> Profile | None:
+    def quickest(self, effort: Effort) -> Span | None:
         """Return the near-optimal motion, or None where none keeps the limits."""
+        reason = ""
         times, start = self.begin(effort)
         problem = self.problem(times)
         found = problem.settled(start, effort.rounds - 1, effort.tolerance)
@@ -89,9 +92,11 @@ class _Moving:
             finer = self.problem(times)
             again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
             if not _sound(finer, again):
+                reason = COARSE
                 break
             problem, found = finer, again
-        return self.polished(problem, found, effort)
+        profile = self.polished(problem, found, effort)
+        return None if profile is None else in_part(profile, reason)
 
     def polished(self, problem: RetimingProblem, found: Retiming, effort: Effort) -> Profile | None:
         """Lower the limits where the motion exceeds them between knots, until it does not."""

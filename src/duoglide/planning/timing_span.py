@@ -25,7 +25,7 @@ _RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
 _USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
 _SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
 _SAME = 1e-7  # of the duration; knots nearer than that are one
-_COARSE = "a refinement did not converge: the motion before it is kept"
+COARSE = "a refinement did not converge: the motion before it is kept"
 _UNPOLISHED = "a correction of overshoots did not converge: the whole is slowed instead"
 _NOT_CONVERGED = "the interior-point method did not converge"
 _SAVED = 2  # tangents in the second problem, because it begins from the first one's solution
@@ -185,7 +185,7 @@ class Search:
             again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
             if not again.converged:
                 span = _polished(timed, problem, found, effort)
-                return _in_part(span.profile, _COARSE, span.reason)
+                return in_part(span.profile, COARSE, span.reason)
             problem, found = finer, again
         return _polished(timed, problem, found, effort)
 
@@ -255,10 +255,10 @@ def _polished(timed: TimedCurve, problem: RetimingProblem, found: Retiming, effo
         found = again
     profile, kept = best
     profile = profile.stretched(least / profile.duration * (1.0 + _ROUNDING))
-    return _in_part(profile, f"{kept} windows of it did not converge" if kept else "", remedy)
+    return in_part(profile, f"{kept} windows of it did not converge" if kept else "", remedy)
 
 
-def _in_part(profile: Profile, *reasons: str) -> Span:
+def in_part(profile: Profile, *reasons: str) -> Span:
     """Return a span that is near the optimum but for some reasons, which may be empty."""
     told = "; ".join(filter(None, reasons))
     return Span(profile, TimingMethod.IN_PART if told else TimingMethod.NEAR_OPTIMAL, told)
