@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
@@ -127,6 +128,15 @@ def test_of_several_one_must_be_named(robot: Any) -> None:
         assert find(7).stem == "7"
         with pytest.raises(dg.BusError, match=r"process 8 shares none; these do: .*7"):
             find(8)
+
+
+def test_without_a_runtime_folder_they_meet_among_temporary_files(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(runtime))
+    for missing in ("", str(runtime / "none")):
+        monkeypatch.setenv("XDG_RUNTIME_DIR", missing)
+        assert meeting_place() == runtime / f"duoglide-{os.getuid()}"
 
 
 def test_a_folder_that_others_can_enter_is_refused(runtime: Path, robot: Any) -> None:

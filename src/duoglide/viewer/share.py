@@ -62,13 +62,16 @@ def share(robot: Robot) -> Iterator[Path]:
 def meeting_place() -> Path:
     """Return the folder of the sockets, which nobody but the user can enter.
 
+    That is in ``XDG_RUNTIME_DIR``, or beside other temporary files where there is no such folder,
+    as in many containers.
+
     Raises:
         BusError: It cannot be made, or it is somebody else's.
     """
-    own = os.environ.get("XDG_RUNTIME_DIR")
-    folder = (
-        Path(own) / "duoglide" if own else Path(tempfile.gettempdir()) / f"duoglide-{os.getuid()}"
-    )
+    own = os.environ.get("XDG_RUNTIME_DIR", "")
+    folder = Path(tempfile.gettempdir()) / f"duoglide-{os.getuid()}"
+    if own and Path(own).is_dir():
+        folder = Path(own) / "duoglide"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
