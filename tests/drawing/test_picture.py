@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import resource
 from pathlib import Path
 
 import matplotlib as mpl
@@ -25,6 +26,20 @@ def test_a_picture_is_written_in_the_form_that_its_name_ends_in(tmp_path: Path) 
         save(figure, tmp_path / "a.docx")
     with pytest.raises(dg.LogError, match="cannot write"):
         save(figure, tmp_path / "none" / "a.png")
+
+
+@pytest.mark.parametrize("suffix", ["pdf", "png", "svg"])
+def test_a_picture_for_which_there_is_no_room_is_no_file(suffix: str, tmp_path: Path) -> None:
+    with drawn((3.0, 2.0)) as figure:
+        figure.subplots().plot([0.0, 1.0])
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))  # fails as a full disk does
+    try:
+        with pytest.raises(dg.LogError, match="cannot write"):
+            save(figure, tmp_path / f"picture.{suffix}")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_picture_shows_itself_in_a_notebook_and_leaves_matplotlib_as_it_was() -> None:

@@ -128,6 +128,22 @@ def test_what_is_no_path_is_refused_as_a_machine_file(path: object) -> None:
         dg.Machine.load(path)  # type: ignore[arg-type]
 
 
+def test_a_file_that_fails_on_the_way_leaves_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "cell.toml"
+    dg.Machine(clearance=3.0).save(file)
+
+    def full(self: Path, target: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(dg.ConfigError, match="No space left"):
+        dg.Machine.default().save(file)
+    assert dg.Machine.load(file).clearance == 3.0
+    assert [entry.name for entry in tmp_path.iterdir()] == ["cell.toml"]
+
+
 def test_a_file_that_cannot_be_read_or_written_is_refused(
     machine: dg.Machine, tmp_path: Path
 ) -> None:

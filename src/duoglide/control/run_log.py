@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -52,9 +53,11 @@ class RunLog:
             self._documents[Document.APPROACH] = approach.to_document()
 
     def __enter__(self) -> Self:
-        self._writer.__enter__()
-        for name, document in self._documents.items():
-            self._writer.attach(name, document)
+        with ExitStack() as failed:  # a log that fails at its head leaves nothing behind
+            failed.enter_context(self._writer)
+            for name, document in self._documents.items():
+                self._writer.attach(name, document)
+            failed.pop_all()
         return self
 
     def __exit__(

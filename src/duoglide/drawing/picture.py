@@ -71,8 +71,10 @@ def save(figure: Figure, file: str | Path) -> None:
     known = figure.canvas.get_supported_filetypes()
     if suffix not in known:
         raise InputError(f"{file}: a picture must end in one of .{', .'.join(sorted(known))}")
+    buffer = BytesIO()  # matplotlib itself gets lost where a disk is full
     with appearing(file) as temporary, mpl.rc_context(_STYLE):
-        figure.savefig(temporary)
+        figure.savefig(buffer, format=suffix)
+        temporary.write_bytes(buffer.getvalue())
 
 
 def png(figure: Figure) -> bytes:

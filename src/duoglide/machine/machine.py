@@ -148,10 +148,14 @@ class Machine:
         from duoglide.machine.toml_text import commented
 
         text = commented(self.to_dict(), {"": Machine, **_TABLES, **_INNER_TABLES})
+        goal = Path(os.path.realpath(path))
         try:
-            Path(path).write_text(text, encoding="utf-8")
+            if goal.exists() and not goal.is_file():  # a terminal, or a directory: an error
+                goal.write_text(text, encoding="utf-8")
+            else:
+                _replace(goal, text)
         except OSError as error:
-            raise ConfigError(f"cannot write machine file {path}: {error}") from error
+            raise ConfigError(f"cannot write machine file {path}: {error.strerror}") from error
 
 
 def _boxes(value: object) -> tuple[Box, ...]:
@@ -161,6 +165,16 @@ def _boxes(value: object) -> tuple[Box, ...]:
         if not isinstance(box, Box):
             raise ConfigError(f"keep_out[{i}] = {box!r:.80}: must be a Box(low=, high=, name=)")
     return boxes
+
+
+def _replace(goal: Path, text: str) -> None:
+    """Write a file whole, or leave it as it was."""
+    temporary = goal.with_name(f".{goal.name}.{os.getpid()}.part")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(goal)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _plain(value: Any) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -109,7 +110,9 @@ def _write_plate(target: Path, plate: Plate) -> list[Path]:
         files = [target / f"figure_{plate.number:02d}{suffix}" for suffix in (".pdf", ".png")]
         for file in files:
             metadata = {"CreationDate": None} if file.suffix == ".pdf" else None
-            figure.savefig(file, metadata=metadata)
+            buffer = BytesIO()  # matplotlib itself gets lost where a disk is full
+            figure.savefig(buffer, format=file.suffix[1:], metadata=metadata)
+            file.write_bytes(buffer.getvalue())
     return files
 
 
