@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 
 import duoglide as dg
-from duoglide.drives.faults import DeviceFault
+from duoglide.drives.simulation.faults import DeviceFault
 from duoglide.storage import Topic, read_log
 
 machine = dg.Machine.default()

@@ -19,7 +19,8 @@ import numpy as np
 
 import duoglide as dg
 from duoglide.control.handle import RunHandle
-from duoglide.drives.faults import (
+from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation.faults import (
     Clear,
     DeviceFault,
     DropFrames,
@@ -29,7 +30,6 @@ from duoglide.drives.faults import (
     Silence,
     Sto,
 )
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import CycleRecord, EventKind, Log, Phase, Topic, read_log
 

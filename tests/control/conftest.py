@@ -19,7 +19,7 @@ from duoglide.control.stream import Streamer
 from duoglide.control.supervise import Condition, Policy
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
-from duoglide.drives.firmware import FirmwareAxis
+from duoglide.drives.simulation.firmware import FirmwareAxis
 from duoglide.errors import BusError
 from duoglide.motion.actions import Action
 from duoglide.motion.stopping import StopBounds

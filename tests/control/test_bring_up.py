@@ -9,8 +9,9 @@ import pytest
 
 import duoglide as dg
 from duoglide.control import drivetrain
-from duoglide.drives import alone, faults
+from duoglide.drives import alone
 from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation import faults
 from duoglide.kinematics.home import home_carriages
 from duoglide.machine import DriveSettings
 

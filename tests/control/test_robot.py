@@ -20,8 +20,8 @@ from duoglide.control.motion import MotionState
 from duoglide.control.orders import Command
 from duoglide.control.supervise import Condition
 from duoglide.drives.cia402 import State
-from duoglide.drives.faults import Clear, DeviceFault, Reboot, Sto
 from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation.faults import Clear, DeviceFault, Reboot, Sto
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import Document, Phase, Topic, read_log
 

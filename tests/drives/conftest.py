@@ -9,11 +9,11 @@ from contextlib import contextmanager
 import canopen
 import pytest
 
-from duoglide.drives import faults
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import open_bus
 from duoglide.drives.pdo import Nmt
 from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation import faults
 from duoglide.machine import DriveSettings
 
 POSITIONS = (-100.0, 0.0, 150.5)

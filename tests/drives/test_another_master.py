@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 import canopen
 import pytest
 
-from duoglide.drives import faults
 from duoglide.drives.linear_axis import eds_path
 from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation import faults
 
 
 @pytest.fixture

@@ -8,13 +8,13 @@ from dataclasses import replace
 import canopen
 import pytest
 
-from duoglide.drives import faults
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import frame_sender
 from duoglide.drives.cia402 import Control, Mode, State
 from duoglide.drives.configure import interpolation_time
 from duoglide.drives.pdo import RPDO1, SYNC, pack_setpoint
 from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation import faults
 from duoglide.errors import ConfigError, DriveError, DriveFault, DriveTimeout
 from duoglide.machine import DriveSettings, Homing, Quirks
 

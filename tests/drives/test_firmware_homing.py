@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import pytest
 
 from duoglide.drives.cia402 import Control, Mode, State
-from duoglide.drives.firmware_homing import INDEX_DISTANCE, HomingAxis
-from duoglide.drives.node import DriveNode
 from duoglide.drives.pdo import Nmt, pack_nmt
-from duoglide.drives.plant import Plant, PlantParameters
+from duoglide.drives.simulation.firmware_homing import INDEX_DISTANCE, HomingAxis
+from duoglide.drives.simulation.node import DriveNode
+from duoglide.drives.simulation.plant import Plant, PlantParameters
 
 
 @dataclass

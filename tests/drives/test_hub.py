@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from duoglide.drives.buses import open_bus, parse_bus
-from duoglide.drives.hub import Hub
+from duoglide.drives.simulation.hub import Hub
 from duoglide.drives.socketcand import (
     EXTENDED,
     MessageSplitter,
@@ -270,7 +270,7 @@ def test_a_closed_hub_is_an_error_not_a_silence() -> None:
 def test_a_client_that_never_reads_does_not_hold_up_the_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("duoglide.drives.hub._MOST_WAITING", 100_000)
+    monkeypatch.setattr("duoglide.drives.simulation.hub._MOST_WAITING", 100_000)
     station = Listener()
     with running(station) as hub, connect(hub) as sender, socket.socket() as lazy:
         lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)

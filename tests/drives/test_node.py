@@ -5,10 +5,10 @@ import struct
 import pytest
 
 from duoglide.drives import pdo
-from duoglide.drives.firmware import FirmwareAxis
-from duoglide.drives.node import DriveNode
 from duoglide.drives.pdo import Nmt, NmtState
-from duoglide.drives.plant import Plant
+from duoglide.drives.simulation.firmware import FirmwareAxis
+from duoglide.drives.simulation.node import DriveNode
+from duoglide.drives.simulation.plant import Plant
 
 NODE = 5
 _HEAD = struct.Struct("<BHB")

@@ -4,7 +4,7 @@ from math import pi
 
 import pytest
 
-from duoglide.drives.plant import Plant, PlantParameters
+from duoglide.drives.simulation.plant import Plant, PlantParameters
 
 
 def follow(plant: Plant, speed: float, seconds: float) -> float:

@@ -4,9 +4,9 @@ import pytest
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Control
-from duoglide.drives.firmware_objects import RefusalError
-from duoglide.drives.rack import DriveRack
 from duoglide.drives.simulated import build_rack
+from duoglide.drives.simulation.firmware_objects import RefusalError
+from duoglide.drives.simulation.rack import DriveRack
 from duoglide.drives.standstill import INDEX, seconds_in
 from duoglide.machine import DriveSettings
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from duoglide.drives import faults
-from duoglide.drives.plant import Plant, PlantParameters
-from duoglide.drives.scenario import FaultSchedule, Scenario, Since
+from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.plant import Plant, PlantParameters
+from duoglide.drives.simulation.scenario import FaultSchedule, Scenario, Since
 from duoglide.errors import ConfigError
 
 FILE = """

@@ -14,11 +14,12 @@ import can
 import can.interfaces.virtual
 import pytest
 
-from duoglide.drives import faults, pdo, process
+from duoglide.drives import pdo
 from duoglide.drives.buses import open_bus
 from duoglide.drives.cia402 import State
-from duoglide.drives.plant import PlantParameters
 from duoglide.drives.simulated import SimulatedDrives, build_rack, serve_drives
+from duoglide.drives.simulation import faults, process
+from duoglide.drives.simulation.plant import PlantParameters
 from duoglide.errors import BusError
 from duoglide.machine import DriveSettings, Homing
 

@@ -10,14 +10,15 @@ from math import cos, pi
 import canopen
 import pytest
 
-from duoglide.drives import faults, pdo
-from duoglide.drives.application import AxisApplication
+from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import frame_sender, open_bus
 from duoglide.drives.cia402 import State
-from duoglide.drives.hub import Hub
-from duoglide.drives.rack import DriveRack
 from duoglide.drives.simulated import build_rack
+from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.application import AxisApplication
+from duoglide.drives.simulation.hub import Hub
+from duoglide.drives.simulation.rack import DriveRack
 from duoglide.machine import DriveSettings
 
 SETTINGS = DriveSettings(setpoint_timeout=1.0)  # the machine that tests may be busy

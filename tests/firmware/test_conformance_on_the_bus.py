@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from duoglide.drives import pdo
-from duoglide.drives.application import AxisApplication
-from duoglide.drives.firmware_homing import HomingAxis
 from duoglide.drives.linear_axis import object_dictionary
-from duoglide.drives.node import DriveNode
-from duoglide.drives.plant import Plant
+from duoglide.drives.simulation.application import AxisApplication
+from duoglide.drives.simulation.firmware_homing import HomingAxis
+from duoglide.drives.simulation.node import DriveNode
+from duoglide.drives.simulation.plant import Plant
 
 NODE = 5
 VECTORS = json.loads(

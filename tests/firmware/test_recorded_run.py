@@ -10,8 +10,8 @@ import pytest
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Control, State, decode
-from duoglide.drives.faults import DeviceFault
 from duoglide.drives.simulated import build_rack
+from duoglide.drives.simulation.faults import DeviceFault
 from duoglide.machine import DriveSettings
 
 DBC = Path(__file__).parents[2] / "firmware_interface" / "linear_axis.dbc"

@@ -6,9 +6,8 @@ The host's side: ``buses`` opens a bus by name, ``alone`` sees that no other hos
 ``scale`` under it), ``pdo`` packs the frames of the cycle, ``cia402`` knows states, words and
 codes.
 
-The drives' side: ``firmware`` is a drive's application, ``plant`` what hangs on it, ``node`` its
-place on the bus, ``rack`` three of them and their clock, ``hub`` the loopback bus, ``simulated``
-and ``process`` run them, ``faults`` makes things go wrong, ``scenario`` says which and when.
+The drives' side: ``simulated`` runs three drives of ``simulation`` as a process of their own, and
+``standstill`` is what they agree on with a host that shares their computer.
 
 ``firmware_interface/README.md`` says in words what both sides hold to.
 """

@@ -17,11 +17,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from duoglide.drives.buses import frame_sender, parse_bus
-from duoglide.drives.faults import Injection
-from duoglide.drives.firmware_homing import HomingAxis
-from duoglide.drives.node import DriveNode
-from duoglide.drives.plant import Plant, PlantParameters
-from duoglide.drives.rack import DriveRack, DriveSnapshot
+from duoglide.drives.simulation.faults import Injection
+from duoglide.drives.simulation.firmware_homing import HomingAxis
+from duoglide.drives.simulation.node import DriveNode
+from duoglide.drives.simulation.plant import Plant, PlantParameters
+from duoglide.drives.simulation.rack import DriveRack, DriveSnapshot
 from duoglide.drives.standstill import Standstill
 from duoglide.errors import BusError, DriveTimeout
 from duoglide.machine import DriveSettings
@@ -29,7 +29,7 @@ from duoglide.machine import DriveSettings
 if TYPE_CHECKING:
     import can
 
-    from duoglide.drives.application import AxisApplication
+    from duoglide.drives.simulation.application import AxisApplication
 
 STANDSTILL = 0.1  # how long a shared computer may leave a process without a processor [s]
 _START_PATIENCE = 20.0  # how long the process may take to come up [s]
@@ -143,7 +143,8 @@ class SimulatedDrives:
 
     def __enter__(self) -> SimulatedDrives:
         self._pipe, theirs = multiprocessing.Pipe()
-        code = "import sys; from duoglide.drives.process import main; main(int(sys.argv[1]))"
+        program = "from duoglide.drives.simulation.process import main"
+        code = f"import sys; {program}; main(int(sys.argv[1]))"
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", code, str(theirs.fileno())],
             pass_fds=(theirs.fileno(),),

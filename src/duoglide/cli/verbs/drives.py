@@ -12,8 +12,8 @@ from duoglide.cli.console import say
 from duoglide.cli.options import Bus, MachineFile, load_machine
 
 if TYPE_CHECKING:
-    from duoglide.drives.scenario import Scenario
     from duoglide.drives.simulated import SimulatedDrives
+    from duoglide.drives.simulation.scenario import Scenario
 
 _EXAMPLE = """\
 Examples:
@@ -50,8 +50,8 @@ def drives(
     With --bus virtual a hub is opened on the loopback, and its name printed for --bus elsewhere.
     """
     described = load_machine(machine)
-    from duoglide.drives.scenario import Scenario
     from duoglide.drives.simulated import SimulatedDrives
+    from duoglide.drives.simulation.scenario import Scenario
     from duoglide.kinematics.home import home_carriages
 
     play = Scenario.from_dict({}) if scenario is None else Scenario.load(scenario)
@@ -68,7 +68,7 @@ def drives(
 def _run(running: SimulatedDrives, play: Scenario) -> None:
     """Let the faults happen at their times, until interrupted; an error if the drives have died."""
     from duoglide.drives.cia402 import State
-    from duoglide.drives.scenario import FaultSchedule
+    from duoglide.drives.simulation.scenario import FaultSchedule
 
     start = time.monotonic()
     schedule = FaultSchedule(play.faults, start)

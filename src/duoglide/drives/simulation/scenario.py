@@ -9,7 +9,7 @@
     encoder_step = 0.005
 
     [[fault]]                          # as many as wanted
-    kind = "jam"                       # one of duoglide.drives.faults, in small letters
+    kind = "jam"                       # one of duoglide.drives.simulation.faults, in small letters
     axis = 2
     after = 1.5                        # [s]
     since = "enabled"                  # that drive got power; or "start", the default
@@ -24,9 +24,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from duoglide.drives import faults
-from duoglide.drives.faults import Injection
-from duoglide.drives.plant import PlantParameters
+from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.faults import Injection
+from duoglide.drives.simulation.plant import PlantParameters
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State, decode
-from duoglide.drives.node import DriveNode, Send
+from duoglide.drives.simulation.node import DriveNode, Send
 from duoglide.drives.standstill import Standstill
 
 _LATE = 2.5  # periods after which a SYNC counts as missing, not as late

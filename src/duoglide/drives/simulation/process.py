@@ -10,10 +10,10 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
-from duoglide.drives.faults import Injection
-from duoglide.drives.hub import Hub
-from duoglide.drives.rack import DriveRack
 from duoglide.drives.simulated import DISMISS, build_rack, serve_drives
+from duoglide.drives.simulation.faults import Injection
+from duoglide.drives.simulation.hub import Hub
+from duoglide.drives.simulation.rack import DriveRack
 from duoglide.errors import BusError
 
 _LINGER = 10.0  # how long to stay for those still connected once the parent is gone [s]

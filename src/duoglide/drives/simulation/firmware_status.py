@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from duoglide.drives.cia402 import Mode, State, Status
-from duoglide.drives.demand import FRACTION, Demand, Phase
-from duoglide.drives.firmware_objects import (
+from duoglide.drives.pdo import INTERLOCK
+from duoglide.drives.simulation.demand import FRACTION, Demand, Phase
+from duoglide.drives.simulation.firmware_objects import (
     DEFAULTS,
     NO_OBJECT,
     RefusalError,
     error_register,
     interpolation_period,
 )
-from duoglide.drives.pdo import INTERLOCK
 
 # As plain numbers: combining flags of an enum takes longer than all the rest of a tick.
 _REMOTE, _VOLTAGE = int(Status.REMOTE), int(Status.VOLTAGE_ENABLED)

@@ -8,8 +8,9 @@ statusword and emergency codes. Behaviour in words: firmware_interface/README.md
 from __future__ import annotations
 
 from duoglide.drives.cia402 import Command, Mode, State, command_of
-from duoglide.drives.demand import FRACTION, SECOND, Phase
-from duoglide.drives.firmware_objects import (
+from duoglide.drives.pdo import INTERLOCK
+from duoglide.drives.simulation.demand import FRACTION, SECOND, Phase
+from duoglide.drives.simulation.firmware_objects import (
     ALLOWED,
     NO_OBJECT,
     OUT_OF_RANGE,
@@ -17,9 +18,8 @@ from duoglide.drives.firmware_objects import (
     RefusalError,
     interpolation_period,
 )
-from duoglide.drives.firmware_status import AxisStatus
-from duoglide.drives.pdo import INTERLOCK
-from duoglide.drives.watchdogs import HEARTBEAT_LOST, FollowingWatch, HostWatch
+from duoglide.drives.simulation.firmware_status import AxisStatus
+from duoglide.drives.simulation.watchdogs import HEARTBEAT_LOST, FollowingWatch, HostWatch
 
 STO_ACTIVE = 0x5441
 COMMUNICATION = 0x8100

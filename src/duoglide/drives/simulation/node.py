@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from math import floor
 
 from duoglide.drives import pdo
-from duoglide.drives.application import AxisApplication
-from duoglide.drives.node_memory import ParameterMemory
-from duoglide.drives.node_objects import NodeObjects, read_variables
-from duoglide.drives.node_pdo import ProcessData
 from duoglide.drives.pdo import Nmt, NmtState
-from duoglide.drives.plant import Plant
-from duoglide.drives.sdo_server import SdoServer
+from duoglide.drives.simulation.application import AxisApplication
+from duoglide.drives.simulation.node_memory import ParameterMemory
+from duoglide.drives.simulation.node_objects import NodeObjects, read_variables
+from duoglide.drives.simulation.node_pdo import ProcessData
+from duoglide.drives.simulation.plant import Plant
+from duoglide.drives.simulation.sdo_server import SdoServer
+from duoglide.drives.simulation.watchdogs import HEARTBEAT_LOST
 from duoglide.drives.standstill import Standstill
-from duoglide.drives.watchdogs import HEARTBEAT_LOST
 
 Send = Callable[[int, bytes], None]
 _SYNC_LENGTH = 0x8240
