@@ -90,14 +90,14 @@ def quintics(left: FloatArray, right: FloatArray, span: FloatArray) -> FloatArra
     Returns:
         Coefficients of the powers of u = s / span, shape (n, 6, 3).
     """
-    scale = np.stack([np.ones_like(span), span, span * span], axis=-1)[..., None]
-    states = np.concatenate([left[:, :3] * scale, right[:, :3] * scale], axis=1)
+    states = np.empty((span.size, 2, 3, 3))  # side, derivative, axis
+    states[:, 0], states[:, 1] = left[:, :3], right[:, :3]
     # positions relative to the start, so that large coordinates cost no digits
-    origin = left[:, :1]
-    states[:, 3] -= origin[:, 0]
-    states[:, 0] = 0.0
-    coefficients: FloatArray = np.einsum("ij,nik->njk", _HERMITE, states)
-    coefficients[:, 0] += origin[:, 0]
+    states[:, :, 0] -= left[:, None, 0]
+    states[:, :, 1:] *= span[:, None, None, None]
+    states[:, :, 2] *= span[:, None, None]
+    coefficients: FloatArray = _HERMITE.T @ states.reshape(-1, 6, 3)
+    coefficients[:, 0] += left[:, 0]
     return coefficients
 
 

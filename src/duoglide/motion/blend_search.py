@@ -119,10 +119,9 @@ def _fit(
         result[rows] = low
         near = (~over & (value >= (1.0 - _EXACT) * goal[rows])) | (high - low < 1e-15 * high)
         met[rows] |= near & (high > low)
-        if turn:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                power = np.log(value / known) / np.log(cut / known_cut)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            if turn:
+                power = np.log(value / known) / np.log(cut / known_cut)
             step = cut * (goal[rows] * (1.0 - 0.1 * _EXACT) / value) ** (1.0 / power)
         usable = np.isfinite(step) & (step > low) & (step < high)
         following = np.where(usable, step, np.where(met[rows], 0.5 * (low + high), high))

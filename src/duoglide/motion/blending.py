@@ -116,7 +116,8 @@ def _corners_to_round(path: Path, raw: RawPath, rounded: BoolArray) -> Corners:
     before, after, shape, tolerance = np.array(fields, dtype=np.float64).reshape(-1, 4).T
     left = raw.joints[which]
     corners = Corners(which + 1, left, tolerance, shape, explicit, before, after)
-    _refuse_overlaps(raw.curve, corners)
+    if explicit.any():
+        _refuse_overlaps(raw.curve, corners)
     return corners
 
 

@@ -5,19 +5,16 @@ numpy would spend most of its time on being called: a path has a hundred parts, 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba.extending import register_jitable
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics._batch import register_kernels
-from duoglide.kinematics._case2 import packed_curve
-from duoglide.kinematics._nearest_pose import CurveNumbers, nearest_of_pose
+from duoglide.kinematics._nearest_pose import nearest_of_pose
 from duoglide.kinematics.compiled import compiled, inlined
-from duoglide.kinematics.constants import Constants
 from duoglide.kinematics.kernels import legs_pose, margins_pose
-from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.reach import links_pose
 from duoglide.kinematics.singularity import FAMILIES
 from duoglide.planning._motion_kernel import point
@@ -45,41 +42,10 @@ for _formula in (
     register_jitable(_formula)
 
 
-class RuleNumbers(NamedTuple):
-    """A machine's rules as compiled code takes them.
-
-    Attributes:
-        k: The kinematics' constants.
-        curve: The curve of case 2.
-        limit: Half length of the rails [mm].
-        required: What each margin must be at least [mm], shape (families,).
-        boxes: Low and high corners of the keep-out boxes [mm], shape (n, 2, 3).
-    """
-
-    k: Constants
-    curve: CurveNumbers
-    limit: float
-    required: FloatArray
-    boxes: FloatArray
-
-
-def rule_numbers(rules: Rules) -> RuleNumbers:
-    """Collect the numbers of a machine's rules."""
-    geometry, boxes = rules.machine.geometry, rules.machine.keep_out
-    corners = np.array([(box.low, box.high) for box in boxes], dtype=np.float64)
-    return RuleNumbers(
-        k=rules.constants,
-        curve=packed_curve(geometry, WORKING.v),
-        limit=float(geometry.rail_half_length),
-        required=rules.required,
-        boxes=corners.reshape(-1, 2, 3),
-    )
-
-
 def judge(rules: Rules, intervals: Intervals) -> Verdict:
     """Evaluate every rule on intervals, as ``check_judge.judge``."""
     c, bounds = rules.curve, rules.bounds
-    numbers = rule_numbers(rules)
+    numbers = rules.numbers
     shape = intervals.middle.size, numbers.required.size
     verdict = Verdict(np.empty(shape), np.empty(shape))
     judge_loop(
@@ -99,7 +65,7 @@ def measure(rules: Rules, positions: FloatArray) -> FloatArray:
         Margins of the rules less what is required [mm]; minus infinity out of reach. Then, family
         by family, the absolute margins of ``FAMILIES``; NaN out of reach. Shape (n, rules + 6).
     """
-    numbers = rule_numbers(rules)
+    numbers = rules.numbers
     out = np.empty((len(positions), numbers.required.size + len(FAMILIES)))
     measure_loop(np.ascontiguousarray(positions), numbers, out)
     return out
