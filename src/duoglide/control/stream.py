@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
-from duoglide.arrays import AXES
 from duoglide.control.motion import OVER, Motion, MotionState
 from duoglide.control.orders import Command, Happening, Inbox, Outbox, Refusal, StreamSettings
+from duoglide.control.path_actions import PathActions
 from duoglide.control.power import Departure, Power, all_in, controlword
 from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.control.supervise import Condition, Reaction
@@ -54,7 +54,7 @@ class Streamer:
         self._setpoint, self._words = _ZEROS, _ZEROS
         self._sent = deque([_ZEROS] * (SETPOINT_DELAY + 1), SETPOINT_DELAY + 1)
         self._pace = (0.0, 0.0, Phase.HOLD, MotionState.NONE)  # path time, rate, of this cycle
-        self._outputs = [0] * AXES
+        self._actions = PathActions(self._wire, self.tell)
         self._power, self._enabled = Power.SILENT, False
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
         self._departure = Departure()
@@ -124,7 +124,7 @@ class Streamer:
         elif order is Command.FORGET:
             self._watch.forget()
         elif order is Command.OUTPUTS:
-            self._set_outputs(argument, int(value))
+            self._actions.set_outputs(argument, int(value))
         elif order is Command.CLOSE:
             self.done = True
         elif order is Command.STANDSTILL:
@@ -178,11 +178,6 @@ class Streamer:
 
     def _refuse(self, order: Command, reason: Refusal, axis: int = 0) -> None:
         self.tell(Happening.REFUSED, axis=axis, detail=order, code=reason)
-
-    def _set_outputs(self, axis: int, word: int) -> None:
-        self._outputs[axis] = word
-        self._wire.switch(axis, word)
-        self.tell(Happening.OUTPUT, axis=axis + 1, code=word)
 
     # When and how to stop
 
@@ -261,28 +256,12 @@ class Streamer:
         stopping = state in (MotionState.STOPPING, MotionState.STOPPED)
         phase = Phase.STOP if stopping else motion.program.phase
         self._pace = (motion.path_time, motion.rate, phase, state)
-        self._act(motion)
+        self._actions.carry_out(motion)
         if state in OVER:
             finished = state is MotionState.FINISHED
             kind = Happening.FINISHED if finished else Happening.STOPPED
             self.tell(kind, value=motion.path_time)
             self._motion = None
-
-    def _act(self, motion: Motion) -> None:
-        """Do what the path asks for here: outputs, and the end of waits."""
-        for action in motion.due():
-            axis = action.axis - 1
-            mask = 1 << action.bit
-            word = self._outputs[axis] | mask if action.value else self._outputs[axis] & ~mask
-            self._set_outputs(axis, word)
-        if (wait := motion.wait) is None:
-            return
-        if bool(self._tracks[wait.axis - 1].inputs >> wait.bit & 1) == wait.value:
-            self.tell(Happening.INPUT, wait.axis, wait.bit, value=motion.waited)
-            motion.go_on()
-        elif motion.waited >= wait.timeout:
-            self.tell(Happening.INPUT_TIMEOUT, wait.axis, wait.bit, value=motion.waited)
-            motion.stop()
 
     def _stand(self) -> None:
         """Hold the setpoints of drives that follow them; elsewhere keep to the actual position.
