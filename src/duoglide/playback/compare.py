@@ -23,6 +23,7 @@ from duoglide.storage import Log
 
 _SAME = 1e-9  # [mm] between two paths that are one
 _PLACES = 200  # where two paths are looked at
+_AT_ONCE = 100_000  # cycles: derivatives of an hour's would fill the memory
 _STEADY = 10  # cycles that a pace must last to be told
 
 
@@ -197,13 +198,15 @@ def _same_path(one: Trajectory, other: Trajectory) -> bool:
 
 def _setpoint_difference(run: Streamed, rows: IntArray, plan: Trajectory, same: bool) -> IntArray:
     """Return how far the setpoints of a run are from another plan [increments], shape (n, 3)."""
-    if same:
-        carriages = plan.path.derivatives(run.places(rows))[..., 0, :]
-    else:
-        carriages = plan.at(run.data.path_time[rows]).carriages
-    due = Scales.of(run.data.machine.drives).increments(carriages)
-    difference: IntArray = np.abs(due - run.data.setpoint[rows])
-    return difference
+    scales = Scales.of(run.data.machine.drives)
+    differences = []
+    for some in np.array_split(rows, len(rows) // _AT_ONCE + 1):
+        if same:
+            carriages = plan.path.derivatives(run.places(some))[..., 0, :]
+        else:
+            carriages = plan.at(run.data.path_time[some]).carriages
+        differences.append(np.abs(scales.increments(carriages) - run.data.setpoint[some]))
+    return np.concatenate(differences)
 
 
 def _actual_difference(
