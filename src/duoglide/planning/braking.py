@@ -180,7 +180,8 @@ class _Search:
 
 
 def _just_below(seen: float, size: float) -> float:
-    """Return what is a little less than was seen; still safe, if that was."""
+    """Return what is a little less than was seen; still enough, or still allowed, if that was."""
     if np.isinf(seen):
         return -np.inf
-    return max(seen - _SHARP * max(size, 1.0), min(seen - 0.05 * ALLOWED, -0.9 * ALLOWED))
+    floor = 0.0 if seen >= ALLOWED else min(seen - 0.05 * ALLOWED, -0.9 * ALLOWED)
+    return max(seen - _SHARP * max(size, 1.0), floor)
