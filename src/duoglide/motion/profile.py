@@ -85,8 +85,8 @@ class Profile:
 
         At a knot, where the third derivative may jump, it is the later piece's.
         """
-        time = np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
-        piece = np.searchsorted(self.knots[1:-1, TIME], time, side="right")
+        time = np.minimum(np.maximum(np.asarray(t, dtype=np.float64), 0.0), self.duration)
+        piece = self.knots[1:-1, TIME].searchsorted(time, side="right")
         return evaluate(self._polynomials[piece], time - self.knots[piece, TIME])
 
     def at_time(self, t: float) -> tuple[float, float, float, float]:
@@ -190,14 +190,11 @@ def hermite(knots: FloatArray) -> FloatArray:
 
 def evaluate(polynomials: FloatArray, u: FloatArray) -> FloatArray:
     """Return polynomials (..., 6) and three derivatives at ``u`` (...), shape (..., 4)."""
-    c0, c1, c2, c3, c4, c5 = np.moveaxis(polynomials, -1, 0)
-    result: FloatArray = np.stack(
-        [
-            c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5)))),
-            c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * (5.0 * c5)))),
-            2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * (20.0 * c5))),
-            6.0 * c3 + u * (24.0 * c4 + u * (60.0 * c5)),
-        ],
-        axis=-1,
-    )
+    c0, c1, c2, c3, c4, c5 = (polynomials[..., k] for k in range(6))
+    value = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
+    result = np.empty((*value.shape, 4))
+    result[..., 0] = value
+    result[..., 1] = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * (5.0 * c5))))
+    result[..., 2] = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * (20.0 * c5)))
+    result[..., 3] = 6.0 * c3 + u * (24.0 * c4 + u * (60.0 * c5))
     return result

@@ -62,16 +62,20 @@ class Retiming:
 
     def _cubics(self, delta: FloatArray) -> FloatArray:
         """Return the coefficients of alpha in powers of the share of each cell, (4, n)."""
-        a0, rise = self.alpha[:-1], np.diff(self.alpha)
-        b0, b1 = 2.0 * delta * self.beta[:-1], 2.0 * delta * self.beta[1:]
-        return np.stack([a0, b0, 3.0 * rise - 2.0 * b0 - b1, b0 + b1 - 2.0 * rise])
+        rise, both = self.alpha[1:] - self.alpha[:-1], 2.0 * delta
+        b0, b1 = both * self.beta[:-1], both * self.beta[1:]
+        result = np.empty((4, delta.size))
+        result[0], result[1] = self.alpha[:-1], b0
+        result[2] = 3.0 * rise - 2.0 * b0 - b1
+        result[3] = b0 + b1 - 2.0 * rise
+        return result
 
     def durations(self, delta: FloatArray) -> FloatArray:
         """Integrate 1/sqrt(alpha) over each cell."""
         c0, c1, c2, c3 = self._cubics(delta)[:, :, None]
         u = 0.5 * (1.0 + _NODES)
         alpha = c0 + u * (c1 + u * (c2 + u * c3))
-        result: FloatArray = 0.5 * delta * (alpha**-0.5 @ _WEIGHTS)
+        result: FloatArray = 0.5 * delta * ((1.0 / np.sqrt(alpha)) @ _WEIGHTS)
         return result
 
 
@@ -181,11 +185,12 @@ def on_grid(base: Profile, times: FloatArray, breaks: FloatArray) -> Profile:
         times: The grid [s], from 0 to the end.
         breaks: Sigma that some knot must hit exactly [mm].
     """
-    knots = np.column_stack([times, base.at(times)[:, :3]])
+    knots = np.empty((times.size, 4))
+    knots[:, TIME], knots[:, SIGMA:] = times, base.at(times)[:, :3]
     knots[0, SIGMA:], knots[-1, SIGMA:] = base.knots[0, SIGMA:], base.knots[-1, SIGMA:]
     near = np.searchsorted(knots[:, SIGMA], breaks)
     for shift in (-1, 0):
-        k = np.clip(near + shift, 0, len(knots) - 1)
+        k = np.minimum(np.maximum(near + shift, 0), len(knots) - 1)
         hit = np.abs(knots[k, SIGMA] - breaks) <= 1e-9 * (1.0 + np.abs(breaks))
         knots[k[hit], SIGMA] = breaks[hit]
     return Profile(knots)
