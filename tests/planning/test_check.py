@@ -462,3 +462,25 @@ def test_whatever_is_asked_the_answer_is_a_checked_path_or_a_path_error() -> Non
             assert len(error.position) == 3
             decided[False] += 1
     assert min(decided.values()) > 5
+
+
+def test_the_report_of_rounded_paths_names_the_least_margins_there_are() -> None:
+    rng, machine = np.random.default_rng(1), dg.Machine(clearance=0.0)
+    done = 0
+    while done < 40:
+        pick, place = rng.uniform([-100, -100, 240], [60, 100, 305], (2, 3))
+        try:
+            checked = dg.check_path(machine, dg.pick_and_place(pick, place, 25.0, 3.0))
+        except dg.PathError:
+            continue
+        done += 1
+        points = checked.curve.position(np.linspace(0.0, checked.curve.end, 8001))
+        carriages = dg.inverse(machine.geometry, points)
+        margins = dg.margins(machine.geometry, points)
+        for family, values in {
+            "order": carriages[:, 1] - carriages[:, 0],
+            "clearance": dg.clearance(machine.geometry, points),
+            "strut": margins.strut,
+            "legs_flat": margins.legs_flat,
+        }.items():
+            assert checked.report[family].margin <= values.min() + 2e-4

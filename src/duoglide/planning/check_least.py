@@ -11,7 +11,7 @@ from duoglide.planning.check_judge import judge_points, kernel_pays, measured
 from duoglide.planning.check_rules import CLEARANCE, IndexArray, Intervals, Rules
 from duoglide.planning.check_search import first_intervals
 
-_LOOKS = np.linspace(-1.0, 1.0, 5)  # at an interval, from its start to its end
+_LOOKS = np.linspace(-1.0, 1.0, 17)  # at an interval, from its start to its end
 _MANY = 200  # intervals; of more than these, a few are looked at closely
 _KEPT = 6  # for each family
 _NOTHING = 1e-9  # [mm]; a deeper look that promises less than this is not worth it
