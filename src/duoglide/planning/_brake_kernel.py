@@ -8,11 +8,14 @@ at most that times the difference of their velocities: nothing, along the rails.
 from __future__ import annotations
 
 from math import inf
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from duoglide.kinematics.compiled import compiled, inlined
+
+Two: TypeAlias = tuple[float, float]
+Three: TypeAlias = tuple[float, float, float]
 
 BRAKING, RESTING, EITHER = 1, 2, 0
 
@@ -42,7 +45,7 @@ def _own_bend(doing: int, dv: float, dt: float, d: float) -> float:
     return braking if doing == BRAKING else max(braking, resting)
 
 
-def _pair_bend(doing: int, dv: Any, dt: float, d: Any, same_sign: bool) -> float:
+def _pair_bend(doing: int, dv: Three, dt: float, d: Two, same_sign: bool) -> float:
     """Bound the same for the difference of two drives that do the same.
 
     Args:
@@ -65,6 +68,41 @@ ramp, doing_of = inlined(_ramp), inlined(_doing)
 own_bend, pair_bend = inlined(_own_bend), inlined(_pair_bend)
 
 
+def _pair_beyond(p: int, plan: Any, own: Any, times: Any, deceleration: Any) -> float:
+    """Bound what the difference of two carriages has beyond its slopes.
+
+    Args:
+        p: Which: 0 for carriages 1 and 2, 1 for 1 and 3, 2 for 2 and 3.
+        plan: v and a of the column, and its bounds most_a and most_j, B and D included.
+        own: How long each carriage has moved, the velocity it is left with, how far its first one
+            may be off, what its own ramp has beyond its slopes, and what it does, (3,) each.
+        times: c and t in the middle, and half the lengths of u, c and t.
+        deceleration: Of each drive.
+    """
+    (v, a, most_a, most_j), (moved, left, dv, bend, doing) = plan, own
+    coast, t, hu, hc, ht = times
+    i, j = p // 2, 1 + (p + 1) // 2
+    acceleration = most_a[3] if p == 0 else most_a[4] + 0.5 * most_a[3]
+    jerk = most_j[3] if p == 0 else most_j[4] + 0.5 * most_j[3]
+    apart, both = acceleration * hu, bend[i] + bend[j]
+    if doing[i] == doing[j] != EITHER:
+        sure = abs(v[i]) > dv[i] and abs(v[j]) > dv[j] and v[i] * v[j] > 0.0
+        speeds, d_pair = (dv[i], dv[j], apart), (deceleration[i], deceleration[j])
+        both = min(both, pair_bend(doing[i], speeds, ht, d_pair, sure) + apart * hc)
+    if deceleration[i] == deceleration[j]:
+        longer = 2.0 * hc + max(ht, max(dv[i], dv[j]) / deceleration[i])
+        most = abs(v[i] - v[j]) * longer + apart * (coast + hc + t + ht)
+        most += abs(moved[i] * a[i] - moved[j] * a[j]) * hu + abs(left[i] - left[j]) * ht
+        both = min(both, most)
+    together, uneven = min(moved[i], moved[j]) * jerk, abs(moved[i] - moved[j])
+    change = acceleration + together + uneven * max(most_j[i], most_j[j])
+    beyond: float = 0.5 * hu * hu * change + both
+    return beyond
+
+
+pair_beyond = inlined(_pair_beyond)
+
+
 def _brake_patches(columns: Any, cells: Any, deceleration: Any, out: Any) -> None:
     """Find middles, ways and bends of cells.
 
@@ -77,45 +115,27 @@ def _brake_patches(columns: Any, cells: Any, deceleration: Any, out: Any) -> Non
     half_u, q, v, a, most_a, most_j = columns
     column, times, half = cells
     middle, ways, beyond = out
-    moved, dv, bend = np.empty(3), np.empty(3), np.empty(3)
-    doing, pairs = np.empty(3, dtype=np.int64), np.empty(3)
+    moved, left, dv, bend = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    doing = np.empty(3, dtype=np.int64)
     for n in range(column.size):
         c = column[n]
         coast, t, hc, ht, hu = times[n, 0], times[n, 1], half[n, 0], half[n, 1], half_u[c]
-        square = 0.5 * hu * hu
         for i in range(3):
             d = deceleration[i]
-            gone, left, braked = ramp(v[c, i], d, t)
-            moved[i] = coast + braked
+            gone, left[i], braked = ramp(v[c, i], d, t)
+            moved[i], dv[i] = coast + braked, most_a[c, i] * hu
             middle[n, i] = q[c, i] + v[c, i] * coast + gone
             ways[n, 0, i] = (v[c, i] + a[c, i] * moved[i]) * hu
-            ways[n, 1, i], ways[n, 2, i] = v[c, i] * hc, left * ht
-            dv[i] = most_a[c, i] * hu
+            ways[n, 1, i], ways[n, 2, i] = v[c, i] * hc, left[i] * ht
             doing[i] = doing_of(abs(v[c, i]), dv[i], d, t - ht, t + ht)
             bend[i] = own_bend(doing[i], dv[i], ht, d) + dv[i] * hc
-            beyond[n, i] = square * (most_a[c, i] + moved[i] * most_j[c, i]) + bend[i]
-        for p in range(3):  # of carriages 1 and 2, 1 and 3, 2 and 3
-            i, j = p // 2, 1 + (p + 1) // 2
-            acceleration = most_a[c, 3] if p == 0 else most_a[c, 4] + 0.5 * most_a[c, 3]
-            jerk = most_j[c, 3] if p == 0 else most_j[c, 4] + 0.5 * most_j[c, 3]
-            apart = acceleration * hu
-            both = bend[i] + bend[j]
-            if doing[i] == doing[j] != EITHER:
-                sure = abs(v[c, i]) > dv[i] and abs(v[c, j]) > dv[j]
-                sure = sure and v[c, i] * v[c, j] > 0.0
-                speeds, d_pair = (dv[i], dv[j], apart), (deceleration[i], deceleration[j])
-                both = min(both, pair_bend(doing[i], speeds, ht, d_pair, sure) + apart * hc)
-            if deceleration[i] == deceleration[j]:
-                longer = hc + max(ht, max(dv[i], dv[j]) / deceleration[i])
-                most = abs(v[c, i] - v[c, j]) * longer + apart * (coast + hc + t + ht)
-                most += abs(moved[i] * a[c, i] - moved[j] * a[c, j]) * hu
-                most += abs(ways[n, 1, i] - ways[n, 1, j]) + abs(ways[n, 2, i] - ways[n, 2, j])
-                both = min(both, most)
-            together = min(moved[i], moved[j]) * jerk
-            uneven = abs(moved[i] - moved[j]) * max(most_j[c, i], most_j[c, j])
-            pairs[p] = square * (acceleration + together + uneven) + both
-        beyond[n, 3] = pairs[0]
-        beyond[n, 4] = 0.5 * (pairs[1] + pairs[2])
+            change = most_a[c, i] + moved[i] * most_j[c, i]
+            beyond[n, i] = 0.5 * hu * hu * change + bend[i]
+        plan = v[c], a[c], most_a[c], most_j[c]
+        own, length = (moved, left, dv, bend, doing), (coast, t, hu, hc, ht)
+        beyond[n, 3] = pair_beyond(0, plan, own, length, deceleration)
+        beyond[n, 4] = 0.5 * pair_beyond(1, plan, own, length, deceleration)
+        beyond[n, 4] += 0.5 * pair_beyond(2, plan, own, length, deceleration)
         for i in range(5):
             if not beyond[n, i] < inf:
                 beyond[n, i] = inf

@@ -22,7 +22,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
 from duoglide.kinematics.nearest import nearest_surface
@@ -125,7 +125,7 @@ def _rails(machine: Machine, patch: Patch) -> tuple[Pair, Pair]:
 
 def _clearance(
     machine: Machine,
-    pose: tuple[FloatArray, FloatArray],
+    pose: tuple[FloatArray, BoolArray],
     ways: Swing,
     enough: float,
 ) -> Pair:

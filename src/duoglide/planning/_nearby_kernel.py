@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import Any
+from typing import Any, TypeAlias
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
+
+Two: TypeAlias = tuple[float, float]
 
 
 def _leg(hypotenuse: float, side: float) -> float:
@@ -18,7 +20,7 @@ def _third_side(one: float, other: float, cosine: float) -> float:
     return sqrt(one * one + other * other + 2.0 * one * other * cosine)
 
 
-def _steepest(fixed: Any, foot: Any, rho: Any) -> float:
+def _steepest(fixed: Two, foot: Two, rho: Two) -> float:
     """Return the largest |cos| of the angle between arm and strut, (l6^2 + rho^2 - E) / 2 l6 rho.
 
     Args:
