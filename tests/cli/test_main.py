@@ -225,6 +225,16 @@ def test_a_reader_that_leaves_is_no_traceback() -> None:
     assert done.stderr == ""
 
 
+def test_an_interrupt_while_the_verbs_are_put_together_is_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(app: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(typer.main, "get_command", interrupted)
+    assert refused(["status"], capsys) == "duoglide: interrupted"
+
+
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
 def test_closed_streams_are_no_traceback(closed: str) -> None:
     command = f"{sys.executable} -m duoglide.cli machine --out cell.toml --force {closed}"

@@ -134,9 +134,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Of the command line; default: those of this process.
     """
-    command = typer.main.get_command(app)
     words = list(arguments) if arguments is not None else None
     try:
+        command = typer.main.get_command(app)
         with warnings.catch_warnings():
             _show_only_our_warnings()
             code = command.main(args=words, prog_name="duoglide", standalone_mode=False)
