@@ -8,7 +8,7 @@ from typing import Any
 import numba
 import pytest
 
-from duoglide.kinematics.compiled import compiled, fingerprint
+from duoglide.kinematics.compiled import compiled, fingerprint, kept
 
 CALLER = "def caller(x):\n    return 2.0 * called(x) + SHIFT\n"
 
@@ -55,3 +55,15 @@ def test_what_is_cached_expires_when_a_function_in_another_module_changes(
     again = compiled(space.caller)
     assert again(1.0) == 3.0
     assert sum(again.stats.cache_hits.values()) == 1
+
+
+def test_it_is_known_whether_a_function_has_to_be_compiled_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "kept_module.py").write_text("def kept_function(x):\n    return 2.0 * x\n")
+    function = importlib.import_module("kept_module").kept_function
+    first = compiled(function)
+    assert not kept(first)
+    assert first(1.0) == 2.0
+    assert kept(compiled(function))

@@ -140,18 +140,25 @@ def test_a_report_is_the_same_whoever_measures(in_numpy: pytest.MonkeyPatch) -> 
     np.testing.assert_allclose(first, second, rtol=0, atol=1e-9)
 
 
-def test_compiled_loops_take_over_after_a_few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("ready", [False, True])
+def test_compiled_loops_take_over_after_a_few_paths_or_once_compiling_pays(
+    monkeypatch: pytest.MonkeyPatch, ready: bool
+) -> None:
+    enough = check_judge.WORTH_LOADING if ready else check_judge.WORTH_COMPILING
     monkeypatch.setattr(check_judge._Checked, "curves", 0)
+    monkeypatch.setattr(check_judge._Checked, "enough", None)
+    monkeypatch.setattr(_check_kernel, "ready", lambda: ready)
     path = dg.Path.line((-41, 0, 300), (-41, 9, 300))
     answers = []
-    for _ in range(check_judge.WORTH_LOADING + 2):
+    for _ in range(enough + 2):
         dg.check_path(dg.Machine.default(), path)
         answers.append(check_judge.kernel_pays())
-    assert answers == [False] * check_judge.WORTH_LOADING + [True] * 2
+    assert answers == [False] * enough + [True] * 2
 
 
+@pytest.mark.parametrize("ready", [False, True])
 def test_the_nearest_surface_is_found_compiled_when_it_is_asked_for_often(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, ready: bool
 ) -> None:
     asked = []
 
@@ -159,12 +166,12 @@ def test_the_nearest_surface_is_found_compiled_when_it_is_asked_for_often(
         asked.append(given)
         _batch.nearest_many(*given)
 
+    enough = _batch.WORTH_ASKING if ready else _batch.WORTH_COMPILING
     monkeypatch.setattr(_batch._Answered, "nearest", 0)
+    monkeypatch.setattr(_batch._Answered, "enough", None)
+    monkeypatch.setattr(_batch, "kept", lambda loop: ready)
     monkeypatch.setattr(nearest, "nearest_many", loop)
     pose = np.array([[-41.0, 0.0, 300.0]])
-    found = [
-        nearest_surface(dg.Geometry(), 1, pose).distance[0]
-        for _ in range(_batch.WORTH_COMPILING + 2)
-    ]
+    found = [nearest_surface(dg.Geometry(), 1, pose).distance[0] for _ in range(enough + 2)]
     assert len(asked) == 2
     assert np.ptp(found) < 1e-10

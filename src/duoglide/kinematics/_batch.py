@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.kinematics import _nearest_pose, kernels, reach
 from duoglide.kinematics._nearest_pose import CurveNumbers, nearest_loop
-from duoglide.kinematics.compiled import compiled
+from duoglide.kinematics.compiled import compiled, kept
 from duoglide.kinematics.constants import Constants
 
 WORTH_LOADING = 1_000_000  # poses that numpy answers before numba is loaded for the next
 WORTH_CALLING = 500  # poses, from which calling compiled loops pays once they are loaded
-WORTH_COMPILING = 12  # calls of ``nearest_surface`` that numpy answers first
+WORTH_ASKING = 12  # calls of ``nearest_surface`` that numpy answers first
+WORTH_COMPILING = 200  # the same, where the compiler has to make the loop first
 BLOCK = 4096  # poses at a time in numpy: what is between the steps stays in the cache
 DOUBLE = np.dtype(np.float64)
 ARRAY, FLOAT, EMPTY, ONE_POSE = np.ndarray, float, np.empty, (3,)
@@ -38,6 +39,7 @@ class _Answered:
 
     poses = 0
     nearest = 0
+    enough: int | None = None  # of them, after which the loop pays
 
 
 def inverse_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
@@ -96,7 +98,11 @@ def nearest_many(
 def nearest_loop_pays() -> bool:
     """Whether the process has numba already, and asks for the nearest surface again and again."""
     _Answered.nearest += 1
-    return _Answered.nearest > WORTH_COMPILING and "numba" in sys.modules
+    if _Answered.nearest <= WORTH_ASKING or "numba" not in sys.modules:
+        return False
+    if _Answered.enough is None:
+        _Answered.enough = WORTH_ASKING if kept(_compiled(nearest_loop)) else WORTH_COMPILING
+    return _Answered.nearest > _Answered.enough
 
 
 def _blocks(given: FloatArray, out: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:

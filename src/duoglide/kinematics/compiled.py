@@ -24,6 +24,18 @@ def compiled(function: Callable[..., Any], **options: Any) -> Any:
     return dispatcher
 
 
+def kept(dispatcher: Any) -> bool:
+    """Whether numba's cache has a function, so that its first call need not wait for the compiler.
+
+    Args:
+        dispatcher: What ``compiled`` has returned.
+    """
+    from numba.core.caching import FunctionCache
+
+    cache = getattr(dispatcher, "_cache", None)
+    return isinstance(cache, FunctionCache) and bool(cache._cache_file._load_index())
+
+
 def inlined(function: Callable[..., Any]) -> Any:
     """Let compiled code call a function that nobody else calls compiled, which is less to make."""
     return compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)

@@ -116,7 +116,7 @@ def _brake_patches(columns: Any, cells: Any, deceleration: Any, out: Any) -> Non
     column, times, half = cells
     middle, ways, beyond = out
     moved, left, dv, bend = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    doing = np.empty(3, dtype=np.int64)
+    doing, pairs = np.empty(3, dtype=np.int64), np.empty(3)
     for n in range(column.size):
         c = column[n]
         coast, t, hc, ht, hu = times[n, 0], times[n, 1], half[n, 0], half[n, 1], half_u[c]
@@ -133,9 +133,9 @@ def _brake_patches(columns: Any, cells: Any, deceleration: Any, out: Any) -> Non
             beyond[n, i] = 0.5 * hu * hu * change + bend[i]
         plan = v[c], a[c], most_a[c], most_j[c]
         own, length = (moved, left, dv, bend, doing), (coast, t, hu, hc, ht)
-        beyond[n, 3] = pair_beyond(0, plan, own, length, deceleration)
-        beyond[n, 4] = 0.5 * pair_beyond(1, plan, own, length, deceleration)
-        beyond[n, 4] += 0.5 * pair_beyond(2, plan, own, length, deceleration)
+        for p in range(3):  # in a loop, for numba compiles a call once for every literal
+            pairs[p] = pair_beyond(p, plan, own, length, deceleration)
+        beyond[n, 3], beyond[n, 4] = pairs[0], 0.5 * (pairs[1] + pairs[2])
         for i in range(5):
             if not beyond[n, i] < inf:
                 beyond[n, i] = inf

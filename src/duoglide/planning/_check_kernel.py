@@ -13,7 +13,7 @@ from numba.extending import register_jitable
 from duoglide.arrays import FloatArray
 from duoglide.kinematics._batch import register_kernels
 from duoglide.kinematics._nearest_pose import nearest_of_pose
-from duoglide.kinematics.compiled import compiled, inlined
+from duoglide.kinematics.compiled import compiled, inlined, kept
 from duoglide.kinematics.kernels import legs_pose, margins_pose
 from duoglide.kinematics.reach import links_pose
 from duoglide.kinematics.singularity import FAMILIES
@@ -205,3 +205,8 @@ def _measure_loop(positions: FloatArray, rules: Any, out: FloatArray) -> int:
 
 
 measure_loop = compiled(_measure_loop)
+
+
+def ready() -> bool:
+    """Whether neither loop has to be compiled any more on this machine."""
+    return kept(judge_loop) and kept(measure_loop)

@@ -11,13 +11,15 @@ from duoglide.kinematics.reach import reach_of
 from duoglide.planning.check_margins import boxes, clearance, outside, room_to_travel, travel
 from duoglide.planning.check_rules import Intervals, Parts, Rules, Verdict
 
-WORTH_LOADING = 3  # curves
+WORTH_LOADING = 3  # curves that numpy checks before compiled loops are loaded for the next
+WORTH_COMPILING = 40  # the same, where the compiler has to make them first
 
 
 class _Checked:
-    """How many curves have been checked in this process."""
+    """How many curves have been checked in this process, and after how many loops pay."""
 
     curves = 0
+    enough: int | None = None
 
 
 def count_curve() -> None:
@@ -30,7 +32,13 @@ def kernel_pays() -> bool:
 
     numpy checks the first few: who has only those never waits for numba, nor for the compiler.
     """
-    return _Checked.curves > WORTH_LOADING
+    if _Checked.curves <= WORTH_LOADING:
+        return False
+    if _Checked.enough is None:
+        from duoglide.planning import _check_kernel
+
+        _Checked.enough = WORTH_LOADING if _check_kernel.ready() else WORTH_COMPILING
+    return _Checked.curves > _Checked.enough
 
 
 def measured(rules: Rules, positions: FloatArray) -> FloatArray:
