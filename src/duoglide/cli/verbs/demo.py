@@ -112,9 +112,11 @@ def demo(
 
 
 def _plan(machine: Machine) -> Trajectory:
+    from duoglide.planning import compile_ahead
     from duoglide.planning.pick_and_place import pick_and_place
     from duoglide.planning.plan import plan
 
+    compile_ahead.start()
     there = pick_and_place(_PICK, _PLACE, lift=_LIFT)
     back = pick_and_place(_PLACE, _PICK, lift=_LIFT)
     with progress("planning", 1.0) as done:

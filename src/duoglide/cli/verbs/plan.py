@@ -61,8 +61,10 @@ def plan(
     require_picture(picture)
     described = load_machine(machine)
     path = read_path(program, points=point, pick=pick, place=place, lift=lift, tolerance=tolerance)
+    from duoglide.planning import compile_ahead
     from duoglide.planning.plan import plan as make_plan
 
+    compile_ahead.start()
     with progress("planning", 1.0) as done:
         trajectory = make_plan(described, path, brake_safe=brake_safe, progress=done)
     audit = trajectory.audit()

@@ -1,0 +1,70 @@
+"""Compile what a first plan comes to last, in a process beside it.
+
+numba makes the loops of planning once per machine, and keeps them. In one process it makes one
+after the other, and the very first plan waits for all of them. ``start`` has another process make
+those of stops and brakes meanwhile: ``python -m duoglide.planning.compile_ahead``.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+
+_LENGTH = 20.0  # of the move that is stopped and braked [mm]
+_RAMP = 0.05  # a quarter of its time [s]
+
+
+def start() -> None:
+    """Begin, unless all is there already; who cannot start a process waits as before."""
+    from duoglide.kinematics.compiled import kept
+    from duoglide.planning._brake_kernel import brake_patches
+
+    if kept(brake_patches):
+        return
+    try:
+        subprocess.Popen(
+            [sys.executable, "-P", "-m", __name__],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # keys at the terminal are for the first process alone
+        )
+    except OSError:
+        return
+
+
+def main() -> None:
+    """Plan the stops and the brakes of a move that needs no solver."""
+    from duoglide.machine import Machine
+    from duoglide.motion.carriage_path import map_to_carriages
+    from duoglide.motion.path import Path
+    from duoglide.motion.profile import Profile
+    from duoglide.motion.stopping import StopBounds
+    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.braking import brake_report
+    from duoglide.planning.check import check_path
+    from duoglide.planning.stopping import stop_bounds
+
+    machine = Machine.default()
+    path = Path.line((-41.0, 0.0, 300.0), (-41.0, _LENGTH, 300.0))
+    jerk = 0.5 * _LENGTH / _RAMP**3
+    t, speed, peak = _RAMP, jerk * _RAMP**2, jerk * _RAMP
+    knots = np.array(
+        [
+            [0.0, 0.0, 0.0, 0.0],
+            [t, _LENGTH / 12.0, 0.5 * speed, peak],
+            [2.0 * t, 0.5 * _LENGTH, speed, 0.0],
+            [3.0 * t, _LENGTH * 11.0 / 12.0, 0.5 * speed, -peak],
+            [4.0 * t, _LENGTH, 0.0, 0.0],
+        ]
+    )
+    none = StopBounds.constant(4.0 * t, 1.0, 1.0)
+    move = Trajectory(map_to_carriages(check_path(machine, path)), Profile(knots), none)
+    stop_bounds(move)
+    brake_report(move)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from duoglide.kinematics import compiled
+from duoglide.planning import compile_ahead
+
+AHEAD = """
+import duoglide as dg
+from duoglide.planning import compile_ahead, _brake_kernel, _carriage_bounds, _nearby_kernel
+from duoglide.planning import _stopping_kernel
+compile_ahead.main()
+loops = [
+    _brake_kernel.brake_patches, _carriage_bounds.through_links, _nearby_kernel.swing,
+    _stopping_kernel.largest_slopes, _stopping_kernel.through_windows,
+]
+before = [loop.signatures for loop in loops]
+dg.plan(dg.Machine.default(), dg.pick_and_place((-41, -60, 295), (-41, 60, 295), lift=25))
+print(all(before), before == [loop.signatures for loop in loops])
+"""
+
+
+def test_what_is_compiled_ahead_is_what_a_plan_needs() -> None:
+    said = subprocess.run(
+        [sys.executable, "-c", AHEAD], capture_output=True, text=True, check=True, timeout=120
+    )
+    assert said.stdout.split() == ["True", "True"]
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_process_is_started_only_where_something_is_missing(
+    monkeypatch: pytest.MonkeyPatch, there: bool
+) -> None:
+    started: list[Any] = []
+    monkeypatch.setattr(compiled, "kept", lambda loop: there)
+    monkeypatch.setattr(subprocess, "Popen", lambda words, **options: started.append(words))
+    compile_ahead.start()
+    assert len(started) == (0 if there else 1)
+
+
+def test_without_another_process_the_plan_is_made_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise OSError("no more processes")
+
+    monkeypatch.setattr(compiled, "kept", lambda loop: False)
+    monkeypatch.setattr(subprocess, "Popen", fail)
+    compile_ahead.start()
