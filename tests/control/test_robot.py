@@ -111,6 +111,24 @@ def test_a_run_from_elsewhere_is_refused_unless_an_approach_is_asked_for(
     np.testing.assert_allclose(ready.position, HOME, atol=0.05)
 
 
+@pytest.mark.parametrize("override", [0.0, -0.5, 1.01, float("nan")])
+def test_a_run_does_not_begin_at_an_override_that_is_not_above_0_to_1(
+    ready: dg.Robot, there: dg.Trajectory, override: float
+) -> None:
+    for verb in (ready.run, ready.start):
+        with pytest.raises(dg.InputError, match="override"):
+            verb(there, override=override)
+    assert ready.current_run is None
+
+
+def test_an_override_of_0_holds_a_run_that_has_begun(ready: dg.Robot, there: dg.Trajectory) -> None:
+    handle = ready.start(there, override=0.2, approach=True)
+    handle.set_override(0.0)
+    assert not handle.done
+    handle.stop()
+    assert not handle.wait(10.0).completed
+
+
 def test_hold_resume_override_and_stop_work_while_a_run_goes_on(
     ready: dg.Robot, there: dg.Trajectory
 ) -> None:

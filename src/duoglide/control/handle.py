@@ -8,13 +8,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from duoglide.arrays import as_number
 from duoglide.control.happenings import event_record
 from duoglide.control.motion import MotionState
 from duoglide.control.orders import Command, Happening
+from duoglide.control.override import require_override
 from duoglide.control.report import RunReport, Tally
 from duoglide.control.verdict import require_success
-from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError, InputError
+from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError
 
 if TYPE_CHECKING:
     from duoglide.control.monitor import Monitor
@@ -259,18 +259,6 @@ class RunHandle:
         self._monitor.detach()
         self._over.set()
         self._resources.close()
-
-
-def require_override(override: object) -> float:
-    """Return ``override`` as a float from 0 to 1.
-
-    Raises:
-        InputError: It is not.
-    """
-    value = as_number(override, "override")
-    if not 0.0 <= value <= 1.0:
-        raise InputError(f"override = {value:g}: must be from 0 to 1 (1 is the planned speed)")
-    return value
 
 
 @contextmanager

@@ -16,9 +16,9 @@ from duoglide.control.handle import (
     STOP_PATIENCE,
     RunHandle,
     RunPlan,
-    require_override,
     wait_to_the_end,
 )
+from duoglide.control.override import require_first_override
 from duoglide.control.program import Fence, Program, prepare
 from duoglide.control.report import RunReport
 from duoglide.control.run_log import RunLog
@@ -184,7 +184,7 @@ class Robot(ConnectedMachine):
         override: float = 1.0,
     ) -> RunHandle:
         """Begin a run and return its handle; takes and raises what ``run`` does."""
-        override = require_override(override)
+        override = require_first_override(override)
         self._require_ready()
         use = require_fit(trajectory, self.machine)
         way = way_to_start(self.machine, self._drives.held, trajectory, approach)
