@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
 import duoglide as dg
+from duoglide.control import process
+from duoglide.control.program import Fence
+from duoglide.storage.records import Phase
 
 SLOW = dg.CarriageLimits(velocity=100.0, acceleration=2e3, jerk=2e4)
 
@@ -36,6 +40,23 @@ def test_whoever_polls_sees_that_a_killed_streamer_will_not_finish(
         assert handle.done
         with pytest.raises(dg.BusError, match="gone"):
             handle.wait()
+
+
+def test_a_streamer_that_hangs_is_given_up_long_before_one_that_starts(
+    trajectory: dg.Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert process._LOAD_PATIENCE <= 5.0 < process._START_PATIENCE
+    monkeypatch.setattr(process, "_LOAD_PATIENCE", 0.2)
+    with dg.Robot.connect(trajectory.machine) as robot:
+        streamer = robot._connection.process
+        begin = time.monotonic()
+        os.kill(streamer.pid, signal.SIGSTOP)
+        try:
+            with pytest.raises(dg.BusError, match=r"is stuck: .* answered for 0\.\d s"):
+                robot._load(trajectory, Fence.of(trajectory.machine), Phase.PROGRAM)
+        finally:
+            os.kill(streamer.pid, signal.SIGCONT)
+        assert time.monotonic() - begin < 5.0
 
 
 def test_a_log_that_cannot_be_written_is_named_once_and_for_all(

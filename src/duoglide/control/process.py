@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 ORDER = Struct("<IId")
 LENGTH = Struct("<Q")
 _START_PATIENCE = 20.0  # [s] a loaded computer may take to start an interpreter
+_LOAD_PATIENCE = 5.0  # [s] for a program, beside what its size takes; the monitor waits 3 s
+_SLOWEST = 1e6  # [byte/s] at which a busy streamer, which reads between cycles, takes one over
 _CLOSE_PATIENCE = 3.0
 
 
@@ -74,9 +76,8 @@ class StreamerProcess:
             orders.close()
             bulk.close()
             os.close(descriptor)
-        self._bulk.settimeout(_START_PATIENCE)
         try:
-            self._hand_over(assignment)
+            self._hand_over(assignment, _START_PATIENCE)
         except DuoglideError:
             self.close()
             raise
@@ -108,9 +109,9 @@ class StreamerProcess:
         """Hand a program over; returns when the streamer has it.
 
         Raises:
-            BusError: The streamer is gone.
+            BusError: The streamer is gone, or stuck.
         """
-        self._hand_over(program)
+        self._hand_over(program, _LOAD_PATIENCE)
 
     def close(self) -> None:
         """End the process: politely, then firmly."""
@@ -125,17 +126,22 @@ class StreamerProcess:
         self._bulk.close()
         self.ring.close()
 
-    def _hand_over(self, thing: object) -> None:
+    def _hand_over(self, thing: object, patience: float) -> None:
         """Send one pickled object and wait until the streamer says that it has it."""
         data = pickle.dumps(thing, pickle.HIGHEST_PROTOCOL)
+        patience += len(data) / _SLOWEST
+        self._bulk.settimeout(patience)
         try:
             self._bulk.sendall(LENGTH.pack(len(data)) + data)
             answer = receive_pickle(self._bulk)
+        except TimeoutError as error:
+            raise BusError(
+                f"the streamer process {self.pid} is stuck: it has not answered for {patience:.1f}"
+                " s; the drives stop by themselves"
+            ) from error
         except (OSError, EOFError) as error:
             code = self._exit_code()
-            raise BusError(
-                f"the streamer process has ended or is stuck (exit code {code})"
-            ) from error
+            raise BusError(f"the streamer process has ended (exit code {code})") from error
         if isinstance(answer, DuoglideError):
             raise answer
 
