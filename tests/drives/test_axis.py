@@ -34,6 +34,16 @@ def test_bring_up_ends_enabled_homed_and_where_it_was(
         assert real.brake_released
 
 
+@pytest.mark.parametrize(("per_mm", "bound"), [(4e5, 1_760_000_000), (1e6, (1 << 31) - 1)])
+def test_the_bound_of_speed_is_as_high_as_a_drive_can_be_told(
+    axes: list[Axis], per_mm: float, bound: int
+) -> None:
+    settings = replace(axes[0].settings, increments_per_mm=(per_mm,) * 3)
+    fine = Axis(axes[0].network, settings, 1)
+    fine.configure((-100.0, 200.0), 4000.0)
+    assert fine.read(0x607F) == bound
+
+
 def test_everything_that_protects_the_machine_is_in_the_drive(axes: list[Axis]) -> None:
     for axis in axes:
         axis.configure((-100.0, 200.0), 4000.0)

@@ -225,7 +225,8 @@ def _settings(
         low, high = sorted(map(scale.to_increments, travel))
         objects += [(0x607D, 1, low), (0x607D, 2, high)]
     if speed is not None:
-        objects.append((0x607F, 0, min(scale.magnitude(_SPEED_ROOM * speed), _MOST_SPEED)))
+        most = scale.to_mm(_MOST_SPEED)  # a bound that cannot be said is set as high as can be
+        objects.append((0x607F, 0, scale.magnitude(min(_SPEED_ROOM * speed, abs(most)))))
     return objects
 
 
