@@ -64,6 +64,8 @@ def test_toml_moves_have_their_own_caps_and_corners(read) -> None:  # type: igno
         ("speeed = 3\nmoves = []", "did you mean speed\\?"),
         ("start = [0, 0, 0]\nmoves = []", "nothing moves"),
         ("moves = [{type = 'line', to = [0, 0, 1]}]", "move 1: .*where it starts"),
+        ("moves = [{to = [0, 0, 1]}]", "move 1: it lacks a type; there are line, arc"),
+        ("moves = [{type = ['line']}]", r"move 1: type = \['line'\]: must be one of"),
         ("start = [0, 0, 0]\nmoves = [{type = 'jump'}]", "move 1: type = 'jump'"),
         ("start = [0, 0, 0]\nmoves = [{type = 'line'}]", "move 1: line needs to"),
         ("start = [0, 0, 0]\nmoves = [{type = 'line', to = [0, 0]}]", "move 1: to"),

@@ -58,10 +58,12 @@ def _add(builder: PathBuilder, move: Mapping[str, Any], tolerance: float) -> Non
     if kind in _ACTIONS:
         builder.act(action_from_dict(move))
         return
-    if kind not in _MOVES:
+    if not isinstance(kind, str) or kind not in _MOVES:
         known = ", ".join((*_MOVES, *_ACTIONS))
-        raise InputError(f"type = {kind!r}: must be one of {known}")
-    needed, optional, add = _MOVES[str(kind)]
+        if "type" not in move:
+            raise InputError(f"it lacks a type; there are {known}")
+        raise InputError(f"type = {kind!r:.80}: must be one of {known}")
+    needed, optional, add = _MOVES[kind]
     _refuse_unknown(move, {"type", *needed, *optional})
     for key in needed:
         if key not in move:
