@@ -23,6 +23,23 @@ REFUSED: list[tuple[Callable[[], Any], type[dg.DuoglideError], str]] = [
     (lambda: LINE.then(LIST), dg.InputError, "goes on with a Path"),
     (lambda: dg.chain([LINE, LIST]), dg.InputError, "part 1 of the chain"),
     (lambda: dg.chain(LIST), dg.InputError, "part 0 of the chain"),
+    (lambda: dg.chain(5), dg.InputError, "paths must be a list of Paths, got 5"),  # type: ignore[arg-type]
+    (lambda: list(dg.picks(5)), dg.InputError, "stations must be a list of points, got 5"),  # type: ignore[arg-type]
+    (
+        lambda: list(dg.picks(LIST, actions=5)),  # type: ignore[arg-type]
+        dg.InputError,
+        "actions must be a list of lists of actions, got 5",
+    ),
+    (
+        lambda: list(dg.picks(LIST, actions=[dg.Dwell(1.0)])),  # type: ignore[list-item]
+        dg.InputError,
+        "from station 0 to station 1: at_place must be a list of actions, got Dwell",
+    ),
+    (
+        lambda: dg.pick_and_place(CORNER[0], CORNER[1], at_pick=dg.Dwell(1.0)),  # type: ignore[arg-type]
+        dg.InputError,
+        "at_pick must be a list of actions, got Dwell",
+    ),
     (lambda: LINE.at(0, LIST), dg.InputError, "at waypoint 0: .* is not an action"),
     (lambda: LINE.at(LIST, dg.Dwell(1.0)), dg.InputError, "must be a whole number"),
     (

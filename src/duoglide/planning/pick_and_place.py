@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -14,6 +15,8 @@ from duoglide.motion.actions import Action, Dwell
 from duoglide.motion.blend import Blend
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import COINCIDENT, Point, as_point, distance, show
+
+_Item = TypeVar("_Item")
 
 
 def pick_and_place(
@@ -69,7 +72,9 @@ def pick_and_place(
         raise InputError(f"pick and place are the same point {show(a)} mm, and lift is 0")
     path = Path.polyline(points, blends=corners[1:-1])
     pause = (Dwell(dwell),) if as_number(dwell, "dwell [s]") != 0.0 else ()
-    return path.at(0, *at_pick, *pause).at(-1, *at_place, *pause)
+    first = _listed(at_pick, "at_pick", "actions")
+    last = _listed(at_place, "at_place", "actions")
+    return path.at(0, *first, *pause).at(-1, *last, *pause)
 
 
 def picks(
@@ -99,8 +104,9 @@ def picks(
     Raises:
         InputError: See ``pick_and_place``; names the station.
     """
-    for i, (one, other) in enumerate(pairwise(stations)):
-        arrival = actions[i % len(actions)] if actions else ()
+    turns = tuple(_listed(actions, "actions", "lists of actions"))
+    for i, (one, other) in enumerate(pairwise(_listed(stations, "stations", "points"))):
+        arrival = turns[i % len(turns)] if turns else ()
         pause = (Dwell(dwell),) if as_number(dwell, "dwell [s]") != 0.0 else ()
         try:
             move = pick_and_place(
@@ -117,7 +123,7 @@ def chain(paths: Iterable[Path]) -> Path:
     Raises:
         InputError: There are none, or two do not meet, or their caps differ.
     """
-    parts = list(paths)
+    parts = list(_listed(paths, "paths", "Paths"))
     if not parts:
         raise InputError("no paths to chain")
     first = parts[0]
@@ -140,6 +146,14 @@ def chain(paths: Iterable[Path]) -> Path:
             for i, action in part.actions
         ),
     )
+
+
+def _listed(items: Iterable[_Item], name: str, of: str) -> Iterator[_Item]:
+    """Go through items one at a time, or refuse what is not many."""
+    try:
+        return iter(items)
+    except TypeError as error:
+        raise InputError(f"{name} must be a list of {of}, got {items!r:.80}") from error
 
 
 def _raised(point: Point, height: float, top: float, name: str) -> Point:
