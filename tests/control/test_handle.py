@@ -6,12 +6,14 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import duoglide as dg
 from duoglide.control import process
+from duoglide.control.commission import creep
 from duoglide.control.program import Fence
 from duoglide.storage.records import Phase
 
@@ -57,6 +59,29 @@ def test_a_streamer_that_hangs_is_given_up_long_before_one_that_starts(
         finally:
             os.kill(streamer.pid, signal.SIGCONT)
         assert time.monotonic() - begin < 5.0
+
+
+def test_a_robot_that_has_been_closed_says_so_whatever_it_is_asked_for(
+    trajectory: dg.Trajectory,
+) -> None:
+    with dg.Robot.connect(trajectory.machine) as robot:
+        robot.enable()
+        robot.home()
+        bus = robot.bus
+    verbs: list[Callable[[], object]] = [
+        lambda: robot.run(trajectory),
+        lambda: robot.start(trajectory),
+        lambda: robot.move_to((-41.0, 0.0, 302.0)),
+        lambda: robot.jog((0.0, 1.0, 0.0)),
+        lambda: creep(robot, 1),
+        *(robot.park, robot.recover, robot.enable, robot.home, robot.reset_fault),
+        *(lambda: robot.position, lambda: robot.carriages, lambda: robot.held),
+        lambda: robot.states,
+    ]
+    for verb in verbs:
+        with pytest.raises(dg.BusError, match=f"the connection to bus {bus} is closed"):
+            verb()
+    robot.close()  # once more does no harm
 
 
 def test_a_log_that_cannot_be_written_is_named_once_and_for_all(

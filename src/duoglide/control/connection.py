@@ -19,6 +19,7 @@ from duoglide.drives.buses import BusKind, open_bus, parse_bus
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
 from duoglide.drives.scale import Scale
 from duoglide.drives.simulated import SimulatedDrives
+from duoglide.errors import BusError
 from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class Connection:
     """
 
     def __init__(self, machine: Machine, bus: str) -> None:
-        self._machine = machine
+        self._machine, self._closed = machine, False
         self._resources = ExitStack()
         self.simulated: SimulatedDrives | None = None
         if parse_bus(bus).kind is BusKind.VIRTUAL:
@@ -64,6 +65,13 @@ class Connection:
             raise
         self.monitor = Monitor(self.process)
 
+    def require_open(self) -> None:
+        """Raise BusError once this has been closed."""
+        if self._closed:
+            raise BusError(
+                f"the connection to bus {self.bus} is closed: Robot.connect() opens another"
+            )
+
     @property
     def failed(self) -> bool:
         """Whether the streamer is gone or has lost the bus for good."""
@@ -85,11 +93,13 @@ class Connection:
     @contextmanager
     def axes(self) -> Iterator[tuple[Axis, ...]]:
         """Open the host's own connection, for objects; the streamer needs none of it."""
+        self.require_open()
         with open_axes(self._machine, self.bus) as axes:
             yield axes
 
     def close(self) -> None:
-        """End the streamer and the simulated drives."""
+        """End the streamer and the simulated drives; for good."""
+        self._closed = True
         self._stop_stream()
         self._resources.close()
 

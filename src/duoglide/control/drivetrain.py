@@ -53,8 +53,10 @@ class Drivetrain:
         """The newest cycle.
 
         Raises:
+            BusError: The connection is closed.
             DriveError: None has come yet.
         """
+        self._connection.require_open()
         entry = self._connection.monitor.latest
         if entry is None:
             raise DriveError("nothing has been heard of the drives yet")
@@ -82,7 +84,8 @@ class Drivetrain:
         return self._homed and not self._connection.monitor.find(_is_boot_up, self._homed_at)
 
     def require_homed(self) -> None:
-        """Raise NotHomedError unless the position reference is known."""
+        """Raise NotHomedError unless the position reference is known; BusError once closed."""
+        self._connection.require_open()
         if not self.homed:
             raise NotHomedError("the position reference is not known: home the machine first")
 
@@ -158,6 +161,7 @@ class Drivetrain:
 
     def reset_fault(self) -> None:
         """Acknowledge faults and latched stops, and configure the drives again; power stays off."""
+        self._connection.require_open()
         if self._connection.failed:
             self._connection.restart()
         order = self._connection.process.order
