@@ -121,6 +121,15 @@ def test_a_run_does_not_begin_at_an_override_that_is_not_above_0_to_1(
     assert ready.current_run is None
 
 
+def test_a_log_that_is_no_path_is_refused_before_anything_moves(
+    ready: dg.Robot, there: dg.Trajectory
+) -> None:
+    nowhere: Any = 5
+    with pytest.raises(dg.InputError, match="log = 5: must be the path of a file"):
+        ready.run(there, log=nowhere, approach=True)
+    assert ready.current_run is None
+
+
 def test_an_override_of_0_holds_a_run_that_has_begun(ready: dg.Robot, there: dg.Trajectory) -> None:
     handle = ready.start(there, override=0.2, approach=True)
     handle.set_override(0.0)

@@ -13,6 +13,8 @@ import duoglide as dg
 LINE = dg.Path.line((-41, 0, 300), (-41, 10, 300))
 MACHINE = dg.Machine.default()
 CORNER = [(0, 0, 300), (0, 10, 300), (0, 10, 310)]
+NONE: Any = None
+FILE: Any = "cell.toml"
 LIST: Any = [[0, 0, 300], [0, 10, 300]]
 
 REFUSED: list[tuple[Callable[[], Any], type[dg.DuoglideError], str]] = [
@@ -20,6 +22,11 @@ REFUSED: list[tuple[Callable[[], Any], type[dg.DuoglideError], str]] = [
     (lambda: dg.plan(MACHINE, LIST), dg.InputError, "path must be a duoglide.Path, got \\["),
     (lambda: dg.check_path(MACHINE, LIST), dg.InputError, "path must be a duoglide.Path"),
     (lambda: dg.check_path(LIST, LINE), dg.InputError, "machine must be a duoglide.Machine"),
+    (lambda: dg.Robot.connect(NONE), dg.InputError, "duoglide.Machine, got None; .*load"),
+    (lambda: dg.Robot.connect(FILE), dg.InputError, "duoglide.Machine, got 'cell.toml'"),
+    (lambda: dg.Robot.connect(MACHINE, NONE), dg.BusError, "unknown bus None: the forms are"),
+    (lambda: dg.replay(NONE), dg.InputError, "run = None: must be the path of a file"),
+    (lambda: dg.replay(FILE, log=LIST), dg.InputError, "log = \\[\\[0.*must be the path"),
     (lambda: LINE.then(LIST), dg.InputError, "goes on with a Path"),
     (lambda: dg.chain([LINE, LIST]), dg.InputError, "part 1 of the chain"),
     (lambda: dg.chain(LIST), dg.InputError, "part 0 of the chain"),

@@ -19,12 +19,12 @@ from duoglide.drives.buses import BusKind, open_bus, parse_bus
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
 from duoglide.drives.scale import Scale
 from duoglide.drives.simulated import SimulatedDrives
-from duoglide.errors import BusError
+from duoglide.errors import BusError, InputError
 from duoglide.kinematics.home import home_carriages
+from duoglide.machine import Machine
 
 if TYPE_CHECKING:
     from duoglide.control.ring import EventEntry
-    from duoglide.machine import Machine
 
 HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
 _LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
@@ -38,10 +38,12 @@ class Connection:
         bus: Name of the bus; ``virtual`` starts simulated drives at the machine's home.
 
     Raises:
+        InputError: It is no machine.
         BusError: The bus cannot be opened, or another host is on it.
     """
 
     def __init__(self, machine: Machine, bus: str) -> None:
+        _require_machine(machine)
         self._machine, self._closed = machine, False
         self._resources = ExitStack()
         self.simulated: SimulatedDrives | None = None
@@ -102,6 +104,13 @@ class Connection:
         self._closed = True
         self._stop_stream()
         self._resources.close()
+
+
+def _require_machine(value: object) -> None:
+    if not isinstance(value, Machine):
+        raise InputError(
+            f"machine must be a duoglide.Machine, got {value!r:.80}; Machine.load(FILE) reads one"
+        )
 
 
 @contextmanager

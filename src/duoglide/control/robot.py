@@ -190,7 +190,7 @@ class Robot(ConnectedMachine):
         way = way_to_start(self.machine, self._drives.held, trajectory, approach)
         run_log = None
         if log is not None:
-            run_log = RunLog(Path(log), self.machine, trajectory, way, self.bus)
+            run_log = RunLog(log, self.machine, trajectory, way, self.bus)
         fence = Fence.of(self.machine)
         first = self._load(way, fence, Phase.APPROACH) if way is not None else None
         program = self._load(trajectory, fence, Phase.PROGRAM)

@@ -11,6 +11,7 @@ from duoglide.control.happenings import event_record
 from duoglide.control.ring import CycleEntry, EventEntry
 from duoglide.drives.linear_axis import eds_sha256
 from duoglide.storage import CycleRecord, Document, LogKind, LogWriter, Topic
+from duoglide.storage.paths import as_path
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
@@ -32,19 +33,20 @@ class RunLog:
         bus: Name of the bus.
 
     Raises:
+        InputError: It is no path.
         LogError: The file cannot be written.
     """
 
     def __init__(
         self,
-        path: Path,
+        path: str | Path,
         machine: Machine,
         trajectory: Trajectory,
         approach: Trajectory | None,
         bus: str,
     ) -> None:
-        self.path = path
-        self._writer = LogWriter(path, LogKind.RUN, {"eds_sha256": eds_sha256(), "bus": bus})
+        self.path = as_path(path, "log")
+        self._writer = LogWriter(self.path, LogKind.RUN, {"eds_sha256": eds_sha256(), "bus": bus})
         self._documents = {
             Document.MACHINE: machine.to_dict(),
             Document.TRAJECTORY: trajectory.to_document(),

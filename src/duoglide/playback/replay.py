@@ -13,6 +13,7 @@ from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import recheck, recheck_repaced
 from duoglide.storage import Document, read_log
+from duoglide.storage.paths import as_path
 
 if TYPE_CHECKING:
     from duoglide.control.report import RunReport
@@ -56,7 +57,7 @@ def replay(
         override: Speed as a share of the plan's, above 0 to 1; None: the pace that was recorded.
 
     Raises:
-        InputError: An override that is no such share.
+        InputError: An override that is no such share, or no path for a log.
         LogError: The log cannot be read, or does not hold a run that can be replayed.
         PathError: The machine cannot follow the path; says where, what and by how much.
         LimitError: The motion is too quick for the machine; says what would do.
@@ -84,8 +85,8 @@ def prepare(
 
     Takes what ``replay`` does, and raises what that raises before it connects.
     """
-    source = Path(run)
-    if log is not None and Path(log).resolve() == source.resolve():
+    source = as_path(run, "run")
+    if log is not None and as_path(log, "log").resolve() == source.resolve():
         raise LogError(f"{source}: the new log must not take the place of the run that is replayed")
     recording = read_log(source)
     recorded = rebuild(recording)
