@@ -51,8 +51,9 @@ def test_another_host_is_named(
     process: SimulatedDrives, monkeypatch: pytest.MonkeyPatch, can_id: int, words: str
 ) -> None:
     monkeypatch.setattr(alone, "_PATIENCE", 0.1)
-    with talking(process.address, can_id), pytest.raises(BusError, match=words):
+    with talking(process.address, can_id), pytest.raises(BusError, match=words) as caught:
         require_alone(process.address, SETTINGS)
+    assert "`duoglide view --join` watches and stops" in str(caught.value)
 
 
 def test_a_host_that_falls_silent_is_waited_for(process: SimulatedDrives) -> None:

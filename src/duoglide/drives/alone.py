@@ -43,7 +43,9 @@ def require_alone(name: str, settings: DriveSettings) -> None:
                         raise BusError(
                             f"bus {name}: another host is on it, its {sign} is heard. Two would"
                             " pull at the same carriages: end the other one first (a duoglide"
-                            " stream, view or script, or another master)"
+                            " stream, view or script, or another master). `duoglide view --join`"
+                            " watches and stops the run of another duoglide on this computer,"
+                            " `duoglide status` only listens"
                         )
         except can.CanError as error:
             raise BusError(f"bus {name}: {error}") from error
