@@ -170,6 +170,7 @@ def test_plan_writes_what_log_and_python_read(capsys: pytest.CaptureFixture[str]
     numbers = json.loads(capsys.readouterr().out)
     assert numbers["duration"] == dg.Trajectory.load("plan.mcap").duration
     assert max(map(max, numbers["use"].values())) <= 1.001
+    assert 2.0 - 1e-6 < numbers["braking_clearance"] <= numbers["least_clearance"] + 0.01
     assert run(["log", "plan.mcap"]) == 0
     assert "a plan" in capsys.readouterr().out
     assert run(["log", "plan.mcap", "--csv", "plan.csv", "--picture", "log.png"]) == 0
@@ -180,6 +181,15 @@ def test_plan_writes_what_log_and_python_read(capsys: pytest.CaptureFixture[str]
     assert "must not take the place" in refused(
         ["stream", "plan.mcap", "--log", "plan.mcap"], capsys
     )
+
+
+@pytest.mark.parametrize("brake_safe", [True, False])
+def test_plan_tells_the_clearance_while_braking_where_it_is_known(
+    brake_safe: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = [] if brake_safe else ["--no-brake-safe"]
+    assert run(["plan", "--pick", "-41,0,300", "--place", "-41,40,300", *flags]) == 0
+    assert ("while braking" in capsys.readouterr().out) is brake_safe
 
 
 def test_a_torn_log_is_summarised_with_a_warning(capsys: pytest.CaptureFixture[str]) -> None:

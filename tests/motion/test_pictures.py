@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import re
 from base64 import b64decode
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,10 +116,23 @@ def test_a_trajectory_shows_peaks_below_their_limits(move: dg.Trajectory) -> Non
     assert len(pictures(page)) == 1
     found = rows(page)
     assert found["duration"] == [f"{move.duration:.4f} s"]
+    assert found["brake-safe"] == ["no"]
     for name in ("peak velocity", "peak acceleration", "peak jerk"):
         *peaks, limit = found[name]
         assert limit.split()[1].startswith("m/s")
         assert max(map(float, peaks)) <= 1.002 * float(limit.split()[0])
+
+
+@pytest.mark.parametrize(
+    ("clearance", "words"),
+    [(2.504, "yes, clearance while braking at least 2.50 mm"), (float("nan"), "yes")],
+)
+def test_a_trajectory_shows_how_near_drives_come_that_brake_by_themselves(
+    move: dg.Trajectory, clearance: float, words: str
+) -> None:
+    report = replace(move.report, brake_safe=True, braking_clearance=clearance)
+    page = replace(move, report=report)._repr_html_()
+    assert rows(page)["brake-safe"] == [words]
 
 
 def test_a_trajectory_is_drawn_with_its_limits_in_the_same_unit(move: dg.Trajectory) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isnan
+
 import numpy as np
 
 from duoglide.arrays import FloatArray
@@ -9,6 +11,7 @@ from duoglide.drawing.notebook import notebook_html
 from duoglide.drawing.over_time import draw_carriages, draw_limited, finish
 from duoglide.drawing.picture import Picture, drawn
 from duoglide.motion.path_segments import show
+from duoglide.motion.timing_report import TimingReport
 from duoglide.motion.trajectory import Trajectory
 
 _SAMPLES = 2000
@@ -40,7 +43,7 @@ def trajectory_html(trajectory: Trajectory) -> str:
         ("from", f"{show(start.round(3))} mm"),
         ("to", f"{show(end.round(3))} mm"),
         ("timing", " because ".join(filter(None, (report.method.value, report.reason)))),
-        ("brake-safe", "yes" if report.brake_safe else "no"),
+        ("brake-safe", _brake_safe(report)),
         ("actions", f"{len(trajectory.actions)}"),
     ]
     peaks: list[tuple[str, ...]] = [("carriage", "1", "2", "3", "limit")]
@@ -56,6 +59,15 @@ def trajectory_html(trajectory: Trajectory) -> str:
         draw_limited(rows[1], times, values, limits, f"{title} [{unit}]")
         finish(rows, "time [s]")
     return notebook_html("Trajectory", [head, peaks], figure)
+
+
+def _brake_safe(report: TimingReport) -> str:
+    """Say whether drives may brake by themselves anywhere, and how near they come."""
+    if not report.brake_safe:
+        return "no"
+    if isnan(report.braking_clearance):
+        return "yes"
+    return f"yes, clearance while braking at least {report.braking_clearance:.2f} mm"
 
 
 def _rates(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -91,6 +92,7 @@ def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
             "jerk": audit.jerk,
         },
         "least_clearance": audit.least_clearance,
+        "braking_clearance": audit.braking_clearance,
         "limited_by": audit.explain(),
         "method": trajectory.report.method.value,
         "fallback": audit.fallback,
@@ -108,6 +110,9 @@ def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
         ("held back by", audit.explain()),
         ("least clearance", f"{audit.least_clearance:.2f} mm to a singular surface"),
     ]
+    if not isnan(audit.braking_clearance):
+        least = f"{audit.braking_clearance:.2f} mm at least"
+        rows.append(("while braking", f"{least}, every drive by itself"))
     if audit.fallback:
         rows.append(("slower, certified", audit.fallback))
     return rows
