@@ -38,6 +38,19 @@ def test_every_key_is_explained_once_and_fits_the_page(tmp_path: Path) -> None:
     assert "jerk = [1000000.0, 2000000.0, 3000000.0]  # [mm/s^3]" in lines
 
 
+def test_what_a_machine_leaves_out_is_told_and_what_it_gives_is_not(tmp_path: Path) -> None:
+    file = tmp_path / "cell.toml"
+    dg.Machine.default().save(file)
+    text = " ".join(line.removeprefix("# ") for line in file.read_text().splitlines())
+    assert "Not given here, home_position: Platform position at which" in text
+    assert "left out, the deepest point of the workspace" in text
+    assert "Not given here, [stop_limits] with velocity, acceleration, jerk: What a stop" in text
+    assert dg.Machine.load(file).to_dict() == dg.Machine.default().to_dict()
+    limits = dg.CarriageLimits(acceleration=1e5, jerk=1e7)
+    dg.Machine(stop_limits=limits, home_position=(-41, 0, 302)).save(file)
+    assert "Not given here" not in file.read_text()
+
+
 def test_long_arrays_and_nested_ones_stay_as_they_are() -> None:
     tables = {"short": [1, 2], "long": list(range(100, 140)), "nested": [[1, 2], [3]], "none": []}
     text = toml_text.commented(tables, {})

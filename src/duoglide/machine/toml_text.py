@@ -35,6 +35,7 @@ def commented(tables: Mapping[str, Any], kinds: Mapping[str, type]) -> str:
 
     text = _ARRAY.sub(_on_one_line, tomli_w.dumps(tables))
     lines, words, seen = [HEAD.rstrip("\n"), ""], _words(kinds.get("")), set[str]()
+    lines += _left_out(tables, kinds)
     for line in text.splitlines():
         if heading := _HEADING.match(line):
             name = heading[1]
@@ -62,6 +63,17 @@ def _words(kind: type | None) -> dict[str, str]:
     """Return what the docstring of a class says of each attribute."""
     found = _ENTRY.findall((kind.__doc__ or "").split("Raises:")[0]) if kind else []
     return {name: _plain(" ".join(text.split())).removesuffix(".") for name, text in found}
+
+
+def _left_out(tables: Mapping[str, Any], kinds: Mapping[str, type]) -> list[str]:
+    """Tell of the keys and tables that the file could hold and does not."""
+    lines = []
+    for name, word in _words(kinds.get("")).items():
+        if name in tables:
+            continue
+        inner = f"[{name}] with {', '.join(_words(kinds[name]))}" if name in kinds else name
+        lines += _comment(f"Not given here, {inner}: {word.replace('None:', 'left out,')}")
+    return [*lines, ""] if lines else []
 
 
 def _comment(text: str) -> list[str]:
