@@ -8,6 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
+from duoglide.planning import braking
+from duoglide.planning._admissible import Room
+from duoglide.planning._nearby import Patch, room_on
 from duoglide.planning.braking import Brakes, brake_report
 from duoglide.planning.braking_caps import brake_caps, make_brake_safe
 
@@ -156,6 +159,50 @@ def test_the_audit_tells_what_braking_costs_and_leaves() -> None:
     assert f"at least {safe.braking_clearance:.3f} mm" in str(safe)
     assert np.isnan(unasked.braking_clearance)
     assert "brake" not in str(unasked)
+
+
+def enlarged(factor: float) -> dg.Machine:
+    """Return the default machine, all of its lengths ``factor`` times as large."""
+    lengths = {name: factor * value for name, value in MACHINE.to_dict()["geometry"].items()}
+    drives = MACHINE.drives
+    one, two, three = (factor * d for d in drives.quick_stop_deceleration)
+    return replace(
+        MACHINE,
+        geometry=dg.Geometry(**lengths),
+        limits=dg.CarriageLimits(
+            velocity=factor * MACHINE.limits.velocity,
+            acceleration=factor * MACHINE.limits.acceleration,
+            jerk=factor * MACHINE.limits.jerk,
+        ),
+        clearance=factor * MACHINE.clearance,
+        carriage_width=factor * MACHINE.carriage_width,
+        drives=replace(drives, quick_stop_deceleration=(one, two, three)),
+    )
+
+
+def count_cells(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that grows by how many cells are looked at each time."""
+    counts: list[int] = []
+
+    def counted(machine: dg.Machine, patch: Patch, enough: float) -> tuple[Room, Room]:
+        counts.append(len(patch.middle))
+        return room_on(machine, patch, enough)
+
+    monkeypatch.setattr(braking, "room_on", counted)
+    return counts
+
+
+def test_a_larger_machine_takes_hardly_more_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts = count_cells(monkeypatch)
+    totals, durations = [], []
+    for factor in (1.0, 50.0):
+        start, goal = (factor * np.array(p) for p in (A, B))
+        counts.clear()
+        motion = dg.plan(enlarged(factor), dg.Path.line(start, goal))
+        totals.append(sum(counts))
+        durations.append(motion.duration)
+    assert totals[1] < 4 * totals[0]
+    assert durations[1] == pytest.approx(durations[0], rel=0.02)
 
 
 @settings(max_examples=6, deadline=None, derandomize=True)

@@ -27,7 +27,7 @@ from duoglide.planning._nearby import Patch, with_pairs
 IndexArray: TypeAlias = NDArray[np.intp]
 
 _SHORTEST = 1e-9  # s of the plan: nothing shorter is cut to get bounds
-PARTS = 8  # into which a cell is cut
+PARTS = 4  # into which a cell is cut
 _CURVED = 100.0  # mm: radius to which ways of the carriages bend those of the platform, about
 
 

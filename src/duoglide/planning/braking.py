@@ -29,18 +29,19 @@ __all__ = ["ALLOWED", "BrakeReport", "Brakes", "brake_report"]
 
 ALLOWED = 1e-3  # mm that rounding and bounding may take from what the machine asks for
 _CELL = 0.004  # s of the plan, at the least
-_STEP = 10.0  # mm of a carriage, which a cell may be as well
+_STEP = 1.0 / 16.0  # of the leg's length: way of a carriage, which a cell may be as well
 _FEWEST = 8
-_PHASES = 6  # cells of the time from brake to standstill
+_PHASES = 3  # cells of the time from brake to standstill
 _CHUNK = 4_000  # cells of the plan at a time
-_SHARP = 0.02  # mm, or share of the clearance, to which the least one is found
+_SHARP = 0.02  # of the clearance, to which the least one is found
+_SMALL = 1.0 / 160.0  # of the leg's length: a clearance that is less is found no more sharply
 _DESCENTS = 3
 _AROUND = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)], indexing="ij"), axis=-1).reshape(
     -1, 3
 )
-_BLUNT = 0.5  # mm: the same where the plan is not safe anyway
-_MOST = 400_000  # cells that are looked at in one chunk
-_PATIENT = 80_000  # of them, after which nothing counts but whether all is kept
+_BLUNT = 1.0 / 320.0  # of the leg's length: the same where the plan is not safe anyway
+_MOST = 200_000  # cells that are looked at in one chunk
+_PATIENT = 60_000  # of them, after which nothing counts but whether all is kept
 _FINEST = 1e-6  # mm: a cell that is no farther across is as good as its middle
 
 
@@ -75,13 +76,14 @@ class BrakeReport:
 def brake_report(trajectory: Trajectory) -> BrakeReport:
     """Bound the room at every instant of every brake out of every instant of ``trajectory``.
 
-    In a safe plan, the bounds are within 0.02 mm, or 2 % of the clearance, of the truth; right
-    beside a singularity, where that would take very many cells, they say only that all is kept. A
-    plan for which not even that is found out counts as unsafe.
+    In a safe plan, the bounds are within 2 % of the clearance of the truth, or 1/8000 of the leg's
+    length if that is more; right beside a singularity, where that would take very many cells, they
+    say only that all is kept. A plan for which not even that is found out counts as unsafe.
     """
     duration = trajectory.duration
     speeds = np.abs(trajectory.at(np.linspace(0.0, duration, 101)).velocity)
-    longest = max(_CELL, _STEP / max(float(speeds.max()), 1e-300))
+    step = _STEP * trajectory.machine.geometry.leg_length
+    longest = max(_CELL, step / max(float(speeds.max()), 1e-300))
     count = max(_FEWEST, int(np.ceil(duration / longest)))
     edges = np.linspace(0.0, duration, count + 1)
     bounds = CarriageBounds.of(trajectory)
@@ -100,6 +102,7 @@ class _Search:
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
+        self._size = machine.geometry.leg_length  # of the machine: what all resolution is part of
         self._seen = self._seen_clear = np.inf  # least room, and room of clearance, of all samples
         self._sure = self._sure_clear = np.inf  # the same, certain for all cells that were closed
         self._quantity, self._time, self._after = "clearance", 0.0, 0.0
@@ -176,20 +179,19 @@ class _Search:
     def _enough(self) -> float:
         """Return the room above which a cell is closed."""
         if self._seen <= -ALLOWED:
-            return self._seen - _BLUNT
-        return _just_below(self._seen, self._seen if self._patient else np.inf)
+            return self._seen - _BLUNT * self._size
+        return self._just_below(self._seen, self._seen if self._patient else np.inf)
 
     def _clear_enough(self) -> float:
         """Return the clearance, beyond what is asked for, above which a cell is closed."""
         if self._seen <= -ALLOWED:
-            return self._seen - _BLUNT
+            return self._seen - _BLUNT * self._size
         size = self._seen_clear + self._machine.clearance
-        return _just_below(self._seen_clear, size if self._patient else np.inf)
+        return self._just_below(self._seen_clear, size if self._patient else np.inf)
 
-
-def _just_below(seen: float, size: float) -> float:
-    """Return what is a little less than was seen; still enough, or still allowed, if that was."""
-    if np.isinf(seen):
-        return -np.inf
-    floor = 0.0 if seen >= ALLOWED else min(seen - 0.05 * ALLOWED, -0.9 * ALLOWED)
-    return max(seen - _SHARP * max(size, 1.0), floor)
+    def _just_below(self, seen: float, size: float) -> float:
+        """Return a little less than was seen; still enough, or still allowed, if that was."""
+        if np.isinf(seen):
+            return -np.inf
+        floor = 0.0 if seen >= ALLOWED else min(seen - 0.05 * ALLOWED, -0.9 * ALLOWED)
+        return max(seen - _SHARP * max(size, _SMALL * self._size), floor)

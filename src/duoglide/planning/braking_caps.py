@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import sqrt
 
 import numpy as np
 
@@ -24,19 +25,22 @@ between, ``NO_CAP`` where there is none."""
 
 NO_CAP = 1e12  # mm/s
 
-_MARGIN = 0.5  # mm that caps keep beyond each bound, where the path itself has so much
+_MARGIN = 1.0 / 320.0  # of the leg's length, that caps keep beyond each bound
+_SHARE = 0.5  # at most, of what the path itself has there
 _SPENT = 0.6  # of what brakes may take from a bound: the rest is for what lies between samples
 _HARMLESS = 2e-4  # mm: no brake that is over within this needs a cap
 _HALVINGS = 10
 _FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # of the time from brake to standstill
-_SAMPLE = 0.0005  # s of the plan between two caps
+_SAMPLE = 0.001  # s of the plan between two caps
 _FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
 _CHUNK = 2_000
 _NONE = -1e3  # mm, room where the links come apart
-_ROUNDS = 4
+_ROUNDS = 2
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
-_SLOWER = 1.05
-_MOST_STRETCHES = 200
+_WIDER = 4.0  # times the margin each round: close to a bound, little is certain
+_SLOWER = 1.1
+_MOST_STRETCHES = 8  # by 1.1, 1.1^2, 1.1^4: 1.1^255 in all, and it stands nearly still
+_BISECTIONS = 1
 
 
 def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajectory:
@@ -59,7 +63,10 @@ def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajecto
         if report.safe or retime is None:
             break
         where, speed = _sampled(trajectory)
-        fresh = _widened(brake_caps(trajectory.path, where, speed), speed) * _TIGHTER**round_
+        caps = brake_caps(trajectory.path, where, speed, _WIDER**round_)
+        fresh = _widened(caps, speed) * _TIGHTER**round_
+        if (fresh == NO_CAP).all():
+            break  # samples are safe already: all of it has to be slower
         grid = np.union1d(sigma, where)
         sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
         trajectory = retime(sigma, cap)
@@ -83,15 +90,21 @@ def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
         PathError: It never is: its path leaves less than bounds can tell from nothing.
     """
     sigma, speed = _sampled(trajectory)
-    factor = float((speed / brake_caps(trajectory.path, sigma, speed)).max(initial=1.0))
-    for _ in range(_MOST_STRETCHES):
-        profile = trajectory.profile.stretched(factor)
-        actions = tuple((factor * t, action) for t, action in trajectory.actions)
-        slow = replace(trajectory, profile=profile, actions=actions)
-        report = brake_report(slow)
+    good = float((speed / brake_caps(trajectory.path, sigma, speed)).max(initial=1.0))
+    slow, report = _stretched(trajectory, good)
+    bad = good
+    for k in range(_MOST_STRETCHES):
         if report.safe:
-            return replace(slow, stops=stop_bounds(slow)), report
-        factor *= _SLOWER
+            break
+        bad, good = good, good * _SLOWER ** (2**k)
+        slow, report = _stretched(trajectory, good)
+    if report.safe:
+        for _ in range(_BISECTIONS if good > _SLOWER**2 * bad else 0):
+            middle = sqrt(bad * good)
+            less, told = _stretched(trajectory, middle)
+            bad, good = (bad, middle) if told.safe else (middle, good)
+            slow, report = (less, told) if told.safe else (slow, report)
+        return replace(slow, stops=stop_bounds(slow)), report
     raise PathError(
         f"no speed was found at which the drives may brake by themselves: {report.quantity} would"
         f" be {-report.room:.6g} mm too small",
@@ -99,6 +112,13 @@ def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
         quantity=report.quantity,
         amount=-report.room,
     )
+
+
+def _stretched(trajectory: Trajectory, factor: float) -> tuple[Trajectory, BrakeReport]:
+    """Return a trajectory that takes ``factor`` times as long, and what its brakes do."""
+    actions = tuple((factor * t, action) for t, action in trajectory.actions)
+    slow = replace(trajectory, profile=trajectory.profile.stretched(factor), actions=actions)
+    return slow, brake_report(slow)
 
 
 def _widened(caps: FloatArray, speed: FloatArray) -> FloatArray:
@@ -121,7 +141,10 @@ def _sampled(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
 
 
 def brake_caps(
-    path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArray
+    path: CarriagePath | TransferPath,
+    sigma: FloatArray,
+    speed: FloatArray,
+    wider: float = 1.0,
 ) -> FloatArray:
     """Find the largest path speeds from which every drive may brake by itself.
 
@@ -129,23 +152,27 @@ def brake_caps(
         path: The curve of the carriages.
         sigma: Where on it [mm], shape (n,).
         speed: Largest d sigma/dt to consider there [mm/s], shape (n,), above 0.
+        wider: How many times the usual margin to keep, where the path itself has so much.
 
     Returns:
         Safe d sigma/dt, at most ``speed``, shape (n,), found by halving: whoever uses them looks
         at the result with ``brake_report``.
     """
     parts = [
-        _caps(path, sigma[begin : begin + _CHUNK], speed[begin : begin + _CHUNK])
+        _caps(path, sigma[begin : begin + _CHUNK], speed[begin : begin + _CHUNK], wider)
         for begin in range(0, sigma.size, _CHUNK)
     ]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _caps(path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArray) -> FloatArray:
+def _caps(
+    path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArray, wider: float
+) -> FloatArray:
     states = path.derivatives(sigma)
     q, slope = states[:, 0], states[:, 1] * speed[:, None]
     machine = path.machine
-    wanted = np.clip(0.5 * room(machine, q).least(), 0.0, _MARGIN) - _SPENT * ALLOWED
+    margin = wider * _MARGIN * machine.geometry.leg_length
+    wanted = np.clip(_SHARE * room(machine, q).least(), 0.0, margin) - _SPENT * ALLOWED
     deceleration = np.array(machine.drives.quick_stop_deceleration)
     distance = (slope**2 / (2.0 * deceleration)).max(axis=-1)
     low = np.sqrt(_HARMLESS / np.maximum(distance, _HARMLESS))
