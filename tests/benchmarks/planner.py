@@ -44,6 +44,7 @@ if importlib.util.find_spec("copp_py") is not None:
 
 FINE = Effort(coarse=100, cells=800, per_piece=20, rounds=6, refine=1, tolerance=1e-6)
 SAMPLES = 2000
+METRE = 1000.0  # mm
 QUANTILES = {"median": 0.5, "p95": 0.95, "worst": 1.0}
 
 
@@ -229,14 +230,16 @@ def ruckig_on_sigma(move: Move) -> float:
     slopes = np.abs(move.carriages.derivatives(np.linspace(0.0, end, 500))[:, 1]).max(axis=0)
     limits = move.machine.limits
     state = ruckig.InputParameter(1)
-    state.target_position = [end]
-    state.max_velocity = [float((limits.velocity / slopes).min())]
-    state.max_acceleration = [float((limits.acceleration / slopes).min())]
-    state.max_jerk = [float((limits.jerk / slopes).min())]
+    state.target_position = [
+        end / METRE
+    ]  # with numbers as large as those in mm it gives up at times
+    state.max_velocity = [float((limits.velocity / slopes).min()) / METRE]
+    state.max_acceleration = [float((limits.acceleration / slopes).min()) / METRE]
+    state.max_jerk = [float((limits.jerk / slopes).min()) / METRE]
     motion = ruckig.Trajectory(1)
     ruckig.Ruckig(1).calculate(state, motion)
     step = motion.duration / SAMPLES
-    sigma = np.array([motion.at_time(k * step)[0][0] for k in range(SAMPLES + 1)])
+    sigma = METRE * np.array([motion.at_time(k * step)[0][0] for k in range(SAMPLES + 1)])
     return float(motion.duration * worst_factor(move, sigma, step))
 
 
