@@ -31,15 +31,34 @@ def test_what_is_compiled_ahead_is_what_a_plan_needs() -> None:
     assert said.stdout.split() == ["True", "True"]
 
 
+class Process:
+    """A process that knows whether it has been ended and waited for."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+
+    def kill(self) -> None:
+        self.done.append("killed")
+
+    def wait(self) -> None:
+        self.done.append("waited for")
+
+
 @pytest.mark.parametrize("there", [False, True])
-def test_a_process_is_started_only_where_something_is_missing(
+def test_a_process_is_started_only_where_something_is_missing_and_left_to_nobody(
     monkeypatch: pytest.MonkeyPatch, there: bool
 ) -> None:
-    started: list[Any] = []
+    started: list[Process] = []
+
+    def start(words: Any, **_: Any) -> Process:
+        started.append(Process())
+        return started[-1]
+
     monkeypatch.setattr(compiled, "kept", lambda loop: there)
-    monkeypatch.setattr(subprocess, "Popen", lambda words, **options: started.append(words))
-    compile_ahead.start()
-    assert len(started) == (0 if there else 1)
+    monkeypatch.setattr(subprocess, "Popen", start)
+    with pytest.raises(ValueError, match="bad path"), compile_ahead.beside():
+        raise ValueError("bad path")
+    assert [process.done for process in started] == ([] if there else [["killed", "waited for"]])
 
 
 def test_without_another_process_the_plan_is_made_all_the_same(
@@ -50,4 +69,5 @@ def test_without_another_process_the_plan_is_made_all_the_same(
 
     monkeypatch.setattr(compiled, "kept", lambda loop: False)
     monkeypatch.setattr(subprocess, "Popen", fail)
-    compile_ahead.start()
+    with compile_ahead.beside():
+        pass

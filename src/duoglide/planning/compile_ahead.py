@@ -1,7 +1,7 @@
 """Compile what a first plan comes to last, in a process beside it.
 
 numba makes the loops of planning once per machine, and keeps them. In one process it makes one
-after the other, and the very first plan waits for all of them. ``start`` has another process make
+after the other, and the very first plan waits for all of them. ``beside`` has another process make
 those of stops and brakes meanwhile: ``python -m duoglide.planning.compile_ahead``.
 """
 
@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -16,15 +18,31 @@ _LENGTH = 20.0  # of the move that is stopped and braked [mm]
 _RAMP = 0.05  # a quarter of its time [s]
 
 
-def start() -> None:
-    """Begin, unless all is there already; who cannot start a process waits as before."""
+@contextmanager
+def beside() -> Iterator[None]:
+    """Have another process compile meanwhile, unless all is there; it ends with the block.
+
+    Where no process can be started, the plan waits for the compiler as it would without.
+    """
+    process = None if _ready() else _start()
+    try:
+        yield
+    finally:
+        if process is not None:
+            process.kill()  # numba writes what it keeps to another name, and then moves it
+            process.wait()
+
+
+def _ready() -> bool:
     from duoglide.kinematics.compiled import kept
     from duoglide.planning._brake_kernel import brake_patches
 
-    if kept(brake_patches):
-        return
+    return kept(brake_patches)
+
+
+def _start() -> subprocess.Popen[bytes] | None:
     try:
-        subprocess.Popen(
+        return subprocess.Popen(
             [sys.executable, "-P", "-m", __name__],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -32,7 +50,7 @@ def start() -> None:
             start_new_session=True,  # keys at the terminal are for the first process alone
         )
     except OSError:
-        return
+        return None
 
 
 def main() -> None:

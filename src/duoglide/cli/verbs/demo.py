@@ -116,10 +116,9 @@ def _plan(machine: Machine) -> Trajectory:
     from duoglide.planning.pick_and_place import pick_and_place
     from duoglide.planning.plan import plan
 
-    compile_ahead.start()
     there = pick_and_place(_PICK, _PLACE, lift=_LIFT)
     back = pick_and_place(_PLACE, _PICK, lift=_LIFT)
-    with progress("planning", 1.0) as done:
+    with compile_ahead.beside(), progress("planning", 1.0) as done:
         return plan(machine, there.then(back), progress=done)
 
 

@@ -65,8 +65,7 @@ def plan(
     from duoglide.planning import compile_ahead
     from duoglide.planning.plan import plan as make_plan
 
-    compile_ahead.start()
-    with progress("planning", 1.0) as done:
+    with compile_ahead.beside(), progress("planning", 1.0) as done:
         trajectory = make_plan(described, path, brake_safe=brake_safe, progress=done)
     audit = trajectory.audit()
     trajectory.save(out)
