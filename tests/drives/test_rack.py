@@ -37,6 +37,13 @@ def cycle(rack: DriveRack, now: int, target: int, behind: int = 0) -> None:
         rack.receive(pdo.RPDO1 + node.node_id, pdo.pack_setpoint(15, target), now)
 
 
+def watch_the_host(rack: DriveRack) -> None:
+    for node in rack.nodes:
+        node.objects.write(0x1400, 5, 20)
+        node.objects.write(0x6007, 0, 3)
+        node.objects.write(0x605A, 0, 6)
+
+
 def demands(rack: DriveRack) -> list[float]:
     return [node.axis.servo_demand / 256 for node in rack.nodes]
 
@@ -100,10 +107,7 @@ def patient() -> DriveRack:
     rack = build_rack(DriveSettings(), (0.0, 10.0, -20.0), standstill=0.1)
     switch_on(rack)
     assert seconds_in(rack.nodes[1].objects.upload(INDEX, 0)) == 0.1
-    for node in rack.nodes:
-        node.objects.write(0x1400, 5, 20)
-        node.objects.write(0x6007, 0, 3)
-        node.objects.write(0x605A, 0, 6)
+    watch_the_host(rack)
     for k in range(10):
         cycle(rack, 10_000 + k * PERIOD, 100 * k)
     return rack
@@ -126,13 +130,23 @@ def test_a_host_that_stays_away_or_is_gone_is_missed(patient: DriveRack, gone: b
     assert {s.state.name for s in patient.snapshot()} == {"QUICK_STOP_ACTIVE"}
 
 
+@pytest.mark.parametrize("anew", [False, True])
+def test_the_promise_outlives_a_long_silence_but_not_another_bring_up(anew: bool) -> None:
+    rack = build_rack(DriveSettings(), (0.0, 10.0, -20.0), standstill=0.1)
+    rack.poll(0)
+    rack.poll(PERIOD)
+    rack.nodes[0].objects.upload(INDEX, 0)
+    rack.receive(pdo.SYNC, b"", 10_000)
+    rack.poll(400_000)
+    if anew:
+        rack.receive(pdo.NMT, pdo.pack_nmt(pdo.Nmt.ENTER_PRE_OPERATIONAL, 1), 400_000)
+    assert rack.nodes[2]._standstill.agreed is not anew
+
+
 def test_a_host_that_does_not_ask_is_missed_at_once() -> None:
     rack = build_rack(DriveSettings(), (0.0, 10.0, -20.0), standstill=0.1)
     switch_on(rack)
-    for node in rack.nodes:
-        node.objects.write(0x1400, 5, 20)
-        node.objects.write(0x6007, 0, 3)
-        node.objects.write(0x605A, 0, 6)
+    watch_the_host(rack)
     for k in range(10):
         cycle(rack, 10_000 + k * PERIOD, 100 * k)
     rack.poll(10_000 + 9 * PERIOD + 30_000)

@@ -3,7 +3,9 @@
 A shared computer leaves a process without a processor for tens of milliseconds now and then. Real
 drives and real time go on meanwhile; simulated ones need not. They have an object that no real
 drive has: it says for how long they bear it that nothing comes. Whoever reads it promises to move
-his schedule instead of skipping cycles. With a host that does not ask, late is late.
+his schedule instead of skipping cycles. With a host that does not ask, late is late. The promise
+ends where the drives go back to PRE-OPERATIONAL, as every bring-up begins, and with the host's
+connection.
 """
 
 from __future__ import annotations

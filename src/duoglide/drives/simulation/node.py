@@ -143,6 +143,8 @@ class DriveNode:
 
     def _enter(self, state: NmtState) -> None:
         self.state = state
+        if state is NmtState.PRE_OPERATIONAL:  # a host begins anew, or this one is lost
+            self._standstill.agreed = False
         self.axis.communication(state is NmtState.OPERATIONAL)
         self.process_data.forget()
 

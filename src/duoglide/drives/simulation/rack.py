@@ -104,7 +104,7 @@ class DriveRack:
             if silence <= max(_LATE * self._period, self._bearing):
                 return
             if silence > max(_UNLOCKED * self._period, self._bearing):
-                self.abandon()
+                self._last_sync = None
         self._pass_to(now)
 
     def abandon(self) -> None:
