@@ -13,8 +13,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from duoglide.control.report import RunReport as RunReport
-    from duoglide.control.robot import Robot as Robot
+    from duoglide.control.host.report import RunReport as RunReport
+    from duoglide.control.host.robot import Robot as Robot
     from duoglide.errors import BusError as BusError
     from duoglide.errors import ConfigError as ConfigError
     from duoglide.errors import DriveError as DriveError

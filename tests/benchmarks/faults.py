@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import duoglide as dg
-from duoglide.control.handle import RunHandle
+from duoglide.control.host.handle import RunHandle
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation.faults import (
     Clear,

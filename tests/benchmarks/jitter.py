@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import duoglide as dg
-from duoglide.control.ring import CycleEntry, EventEntry
+from duoglide.control.channel.ring import CycleEntry, EventEntry
 
 SLICES = 4
 QUANTILES = (0.5, 0.99, 0.999, 1.0)

@@ -12,12 +12,12 @@ import time
 from collections.abc import Sequence
 
 import duoglide as dg
-from duoglide.control.connection import stream_settings
-from duoglide.control.orders import Command, Happening, Order
-from duoglide.control.power import Power
-from duoglide.control.program import Fence, Program, prepare
-from duoglide.control.ring import CycleEntry, EventEntry
-from duoglide.control.stream import Streamer
+from duoglide.control.channel.orders import Command, Happening, Order
+from duoglide.control.channel.ring import CycleEntry, EventEntry
+from duoglide.control.channel.setpoints import Fence, Program, prepare
+from duoglide.control.host.connection import stream_settings
+from duoglide.control.streamer.cycle import Streamer
+from duoglide.control.streamer.power import Power
 from duoglide.drives import pdo
 from duoglide.storage.records import Phase
 

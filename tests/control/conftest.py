@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.orders import Command, Happening, StreamSettings
-from duoglide.control.power import Power
-from duoglide.control.program import Fence, Program, prepare
-from duoglide.control.ring import CycleEntry, EventEntry
-from duoglide.control.stream import Streamer
-from duoglide.control.supervise import Condition, Policy
+from duoglide.control.channel.orders import Command, Happening, StreamSettings
+from duoglide.control.channel.ring import CycleEntry, EventEntry
+from duoglide.control.channel.setpoints import Fence, Program, prepare
+from duoglide.control.streamer.cycle import Streamer
+from duoglide.control.streamer.power import Power
+from duoglide.control.streamer.supervise import Condition, Policy
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
 from duoglide.drives.simulation.firmware import FirmwareAxis

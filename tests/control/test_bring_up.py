@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import duoglide as dg
-from duoglide.control import drivetrain
+from duoglide.control.host import drivetrain
 from duoglide.drives import alone
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults

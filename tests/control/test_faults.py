@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duoglide.control.orders import Command, Happening
-from duoglide.control.power import Power
-from duoglide.control.supervise import Condition
+from duoglide.control.channel.orders import Command, Happening
+from duoglide.control.streamer.power import Power
+from duoglide.control.streamer.supervise import Condition
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.fitness import require_fit
+from duoglide.control.host.fitness import require_fit
 from duoglide.motion.profile import Profile
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 import duoglide as dg
-from duoglide.control import process
-from duoglide.control.commission import creep
-from duoglide.control.program import Fence
+from duoglide.control.channel.setpoints import Fence
+from duoglide.control.host import process
+from duoglide.control.host.commission import creep
 from duoglide.storage.records import Phase
 
 SLOW = dg.CarriageLimits(velocity=100.0, acceleration=2e3, jerk=2e4)

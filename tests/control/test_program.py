@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.control.motion import Motion, MotionState
-from duoglide.control.program import Fence, grid_times, prepare
+from duoglide.control.channel.setpoints import Fence, grid_times, prepare
+from duoglide.control.streamer.follower import Motion, MotionState
 from duoglide.motion.actions import WaitInput
 from duoglide.storage.records import Phase
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.happenings import event_record
-from duoglide.control.orders import Command, Happening, Refusal
-from duoglide.control.report import Lateness, RunReport, Tally
-from duoglide.control.ring import CycleEntry, EventEntry
-from duoglide.control.scale import Scales
-from duoglide.control.supervise import Condition, Reaction, Trip
-from duoglide.control.verdict import require_success
+from duoglide.control.channel.orders import Command, Happening, Refusal
+from duoglide.control.channel.ring import CycleEntry, EventEntry
+from duoglide.control.channel.scale import Scales
+from duoglide.control.host.happenings import event_record
+from duoglide.control.host.report import Lateness, RunReport, Tally
+from duoglide.control.host.verdict import require_success
+from duoglide.control.streamer.supervise import Condition, Reaction, Trip
 from duoglide.storage.records import EventKind
 
 NONE = ((0.0,) * 3,) * 3

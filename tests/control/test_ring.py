@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from duoglide.control.ring import CAPACITY, CycleEntry, EventEntry, Ring
+from duoglide.control.channel.ring import CAPACITY, CycleEntry, EventEntry, Ring
 
 
 @pytest.fixture

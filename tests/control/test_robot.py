@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.commission import creep, describe_drives
-from duoglide.control.handle import RunHandle
-from duoglide.control.motion import MotionState
-from duoglide.control.orders import Command
-from duoglide.control.supervise import Condition
+from duoglide.control.channel.orders import Command
+from duoglide.control.host.commission import creep, describe_drives
+from duoglide.control.host.handle import RunHandle
+from duoglide.control.streamer.follower import MotionState
+from duoglide.control.streamer.supervise import Condition
 from duoglide.drives.cia402 import State
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation.faults import Clear, DeviceFault, Reboot, Sto
@@ -235,7 +235,7 @@ def test_a_stop_while_the_run_is_being_handed_over_ends_it(
         ready.stop()
         return RunHandle(*parts)
 
-    monkeypatch.setattr("duoglide.control.robot.RunHandle", stopped_meanwhile)
+    monkeypatch.setattr("duoglide.control.host.robot.RunHandle", stopped_meanwhile)
     assert not ready.run(there, override=1.0).completed
     monkeypatch.undo()
     assert ready.run(there, approach=True, override=1.0).completed

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duoglide.control.loop import run_cycles
-from duoglide.control.orders import Command, Happening
-from duoglide.control.power import Power
+from duoglide.control.channel.orders import Command, Happening
+from duoglide.control.streamer.loop import run_cycles
+from duoglide.control.streamer.power import Power
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
 from duoglide.motion.actions import SetOutput, WaitInput

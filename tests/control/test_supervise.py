@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from duoglide.control.supervise import (
+from duoglide.control.streamer.supervise import (
     AxisView,
     Condition,
     Observation,
@@ -15,7 +15,7 @@ from duoglide.control.supervise import (
     Trip,
     assess,
 )
-from duoglide.control.watch import Watch
+from duoglide.control.streamer.watch import Watch
 from duoglide.drives.cia402 import State
 from duoglide.drives.pdo import NmtState
 

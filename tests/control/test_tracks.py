@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from duoglide.control.tracks import AxisTrack
+from duoglide.control.streamer.tracks import AxisTrack
 from duoglide.drives import pdo
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import duoglide as dg
-from duoglide.control.scale import Scales
+from duoglide.control.channel.scale import Scales
 from duoglide.motion.rate import PathClock
 from duoglide.storage import (
     ClockAnchor,

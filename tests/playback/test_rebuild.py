@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.fitness import require_fit
-from duoglide.control.program import Fence, prepare
+from duoglide.control.channel.setpoints import Fence, prepare
+from duoglide.control.host.fitness import require_fit
 from duoglide.motion.actions import WaitInput
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild

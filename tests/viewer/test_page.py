@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.handle import RunStatus
-from duoglide.control.motion import MotionState
+from duoglide.control.host.handle import RunStatus
+from duoglide.control.streamer.follower import MotionState
 from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot
 from duoglide.viewer.page import Page

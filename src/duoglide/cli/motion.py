@@ -10,8 +10,8 @@ from duoglide.cli.console import progress, say, say_facts, say_json, triple
 from duoglide.errors import DriveError
 
 if TYPE_CHECKING:
-    from duoglide.control.report import RunReport
-    from duoglide.control.robot import Robot
+    from duoglide.control.host.report import RunReport
+    from duoglide.control.host.robot import Robot
     from duoglide.motion.trajectory import Trajectory
 
 _LOOK = 0.1  # [s] between two looks how far it is
@@ -25,8 +25,8 @@ def run_with_progress(
     Raises:
         DuoglideError: It cannot be run, or did not come to its end.
     """
-    from duoglide.control.handle import stopped_by_interrupt
-    from duoglide.control.verdict import require_success
+    from duoglide.control.host.handle import stopped_by_interrupt
+    from duoglide.control.host.verdict import require_success
 
     handle = robot.start(trajectory, log=log, approach=approach, override=override)
     with stopped_by_interrupt(handle):

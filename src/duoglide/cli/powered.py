@@ -14,7 +14,7 @@ from duoglide.cli.console import complain, working
 from duoglide.errors import BusError
 
 if TYPE_CHECKING:
-    from duoglide.control.robot import Robot
+    from duoglide.control.host.robot import Robot
     from duoglide.machine import Machine
 
 View: TypeAlias = Annotated[
@@ -35,7 +35,7 @@ def under_power(machine: Machine, bus: str, doing: str = "homing") -> Iterator[R
     Raises:
         DuoglideError: It does not come up.
     """
-    from duoglide.control.robot import Robot
+    from duoglide.control.host.robot import Robot
 
     with ExitStack() as resources:
         with working(doing):

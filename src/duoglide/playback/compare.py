@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import AXES, FloatArray
-from duoglide.control.scale import Scales
+from duoglide.control.channel.scale import Scales
 from duoglide.errors import LogError
 from duoglide.motion.trajectory import Trajectory
 from duoglide.playback.rebuild import plan_of

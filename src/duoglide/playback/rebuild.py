@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.control.scale import Scales
+from duoglide.control.channel.scale import Scales
 from duoglide.errors import ConfigError, InputError, LogError
 from duoglide.motion.actions import WaitInput
 from duoglide.motion.timing_report import TimingMethod

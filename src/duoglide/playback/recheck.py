@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.control.fitness import cycle_use
+from duoglide.control.host.fitness import cycle_use
 from duoglide.errors import LimitError
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages

@@ -16,7 +16,7 @@ from duoglide.storage import Document, read_log
 from duoglide.storage.paths import as_path
 
 if TYPE_CHECKING:
-    from duoglide.control.report import RunReport
+    from duoglide.control.host.report import RunReport
     from duoglide.machine import Machine
     from duoglide.motion.trajectory import Trajectory
 
@@ -65,7 +65,7 @@ def replay(
         DriveError: A drive refuses; also where the machine is not at the start of the run.
     """
     again = prepare(run, machine, log=log, approach=approach, override=override)
-    from duoglide.control.robot import Robot
+    from duoglide.control.host.robot import Robot
 
     with Robot.connect(again.machine, bus=bus) as robot:
         robot.enable()

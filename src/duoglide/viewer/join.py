@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray, read_only
-from duoglide.control.handle import RunStatus
-from duoglide.control.motion import MotionState
+from duoglide.control.host.handle import RunStatus
+from duoglide.control.streamer.follower import MotionState
 from duoglide.drives.cia402 import State
 from duoglide.errors import BusError
 from duoglide.machine import Machine

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from duoglide.control.handle import RunHandle, RunStatus
-from duoglide.control.robot import Robot
+from duoglide.control.host.handle import RunHandle, RunStatus
+from duoglide.control.host.robot import Robot
 from duoglide.errors import DuoglideError
 from duoglide.viewer.join import JoinedRobot, JoinedRun
 from duoglide.viewer.motion_panel import MotionPanel

@@ -21,7 +21,7 @@ from duoglide.viewer.pose_panel import PosePanel
 from duoglide.viewer.surfaces import Surfaces
 
 if TYPE_CHECKING:
-    from duoglide.control.robot import Robot
+    from duoglide.control.host.robot import Robot
     from duoglide.machine import Machine
     from duoglide.viewer.join import JoinedRobot
 

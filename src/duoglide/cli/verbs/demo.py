@@ -18,7 +18,7 @@ from duoglide.cli.powered import under_power
 from duoglide.errors import BusError, DriveError
 
 if TYPE_CHECKING:
-    from duoglide.control.report import RunReport
+    from duoglide.control.host.report import RunReport
     from duoglide.machine import Machine
     from duoglide.motion.audit import Audit
     from duoglide.motion.trajectory import Trajectory

@@ -10,7 +10,7 @@ from duoglide.cli.console import say, say_facts, say_json, triple, working
 from duoglide.cli.options import Bus, Json, MachineFile, load_machine
 
 if TYPE_CHECKING:
-    from duoglide.control.robot import Robot
+    from duoglide.control.host.robot import Robot
     from duoglide.drives.listen import Overheard
     from duoglide.machine import DriveSettings, Machine
 
@@ -39,7 +39,7 @@ def status(bus: Bus = "virtual", machine: MachineFile = None, as_json: Json = Fa
     if overheard is not None:
         _report_overheard(overheard, described.drives, bus, as_json)
         return
-    from duoglide.control.robot import Robot
+    from duoglide.control.host.robot import Robot
 
     with working("connecting"):
         robot = Robot.connect(described, bus=bus)

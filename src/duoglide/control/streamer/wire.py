@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from duoglide.control.tracks import AxisTrack, Dispatch
+from duoglide.control.streamer.tracks import AxisTrack, Dispatch
 from duoglide.drives import pdo
 from duoglide.errors import BusError
 
 if TYPE_CHECKING:
-    from duoglide.control.link import Frame, Link
-    from duoglide.control.orders import StreamSettings
-    from duoglide.control.scale import IntTriple
+    from duoglide.control.channel.orders import StreamSettings
+    from duoglide.control.channel.scale import IntTriple
+    from duoglide.control.streamer.link import Frame, Link
 
 
 class Wire:

@@ -5,11 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from duoglide.control.supervise import Condition, Observation, Policy, Reaction, Trip, assess
+from duoglide.control.streamer.supervise import (
+    Condition,
+    Observation,
+    Policy,
+    Reaction,
+    Trip,
+    assess,
+)
 
 if TYPE_CHECKING:
-    from duoglide.control.scale import IntTriple
-    from duoglide.control.tracks import AxisTrack
+    from duoglide.control.channel.scale import IntTriple
+    from duoglide.control.streamer.tracks import AxisTrack
 
 
 class Watch:

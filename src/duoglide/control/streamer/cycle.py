@@ -9,20 +9,27 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
-from duoglide.control.motion import OVER, Motion, MotionState
-from duoglide.control.orders import Command, Happening, Inbox, Outbox, Refusal, StreamSettings
-from duoglide.control.path_actions import PathActions
-from duoglide.control.power import Departure, Power, all_in, controlword
-from duoglide.control.ring import CycleEntry, EventEntry
-from duoglide.control.supervise import Condition, Reaction
-from duoglide.control.watch import Watch
-from duoglide.control.wire import Wire
+from duoglide.control.channel.orders import (
+    Command,
+    Happening,
+    Inbox,
+    Outbox,
+    Refusal,
+    StreamSettings,
+)
+from duoglide.control.channel.ring import CycleEntry, EventEntry
+from duoglide.control.streamer.follower import OVER, Motion, MotionState
+from duoglide.control.streamer.path_actions import PathActions
+from duoglide.control.streamer.power import Departure, Power, all_in, controlword
+from duoglide.control.streamer.supervise import Condition, Reaction
+from duoglide.control.streamer.watch import Watch
+from duoglide.control.streamer.wire import Wire
 from duoglide.drives.cia402 import State
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
-    from duoglide.control.link import Link
-    from duoglide.control.scale import IntTriple
+    from duoglide.control.channel.scale import IntTriple
+    from duoglide.control.streamer.link import Link
 
 SETPOINT_DELAY = 2  # cycles from the SYNC that a setpoint follows to the SYNC when it is reached
 DRIVES_BRIDGE = 1  # cycle without a setpoint, at the velocity of the one before; then they brake

@@ -8,20 +8,20 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from duoglide.arrays import as_triples
-from duoglide.control.approach import way_to_start
-from duoglide.control.connected import ConnectedMachine
-from duoglide.control.connection import Connection
-from duoglide.control.fitness import limit_use, require_fit
-from duoglide.control.handle import (
+from duoglide.control.channel.setpoints import Fence, Program, prepare
+from duoglide.control.host.approach import way_to_start
+from duoglide.control.host.connected import ConnectedMachine
+from duoglide.control.host.connection import Connection
+from duoglide.control.host.fitness import limit_use, require_fit
+from duoglide.control.host.handle import (
     STOP_PATIENCE,
     RunHandle,
     RunPlan,
     wait_to_the_end,
 )
-from duoglide.control.override import require_first_override
-from duoglide.control.program import Fence, Program, prepare
-from duoglide.control.report import RunReport
-from duoglide.control.run_log import RunLog
+from duoglide.control.host.override import require_first_override
+from duoglide.control.host.report import RunReport
+from duoglide.control.host.run_log import RunLog
 from duoglide.errors import DriveError, DuoglideError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward

@@ -14,7 +14,7 @@ from duoglide.motion.timing_report import TimingMethod
 from duoglide.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from duoglide.control.scale import Triple
+    from duoglide.control.channel.scale import Triple
     from duoglide.machine import Machine
     from duoglide.motion.trajectory import State
 

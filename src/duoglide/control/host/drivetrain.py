@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duoglide.arrays import AXES
-from duoglide.control.connection import Connection, bring_up
-from duoglide.control.happenings import trip_of
-from duoglide.control.orders import Command, Happening, Refusal
-from duoglide.control.power import Power
-from duoglide.control.scale import Scales
-from duoglide.control.supervise import Condition, Trip
+from duoglide.control.channel.orders import Command, Happening, Refusal
+from duoglide.control.channel.scale import Scales
+from duoglide.control.host.connection import Connection, bring_up
+from duoglide.control.host.happenings import trip_of
+from duoglide.control.streamer.power import Power
+from duoglide.control.streamer.supervise import Condition, Trip
 from duoglide.drives.cia402 import Mode, State, decode
 from duoglide.errors import DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
     from duoglide.arrays import FloatArray
-    from duoglide.control.ring import CycleEntry, EventEntry
+    from duoglide.control.channel.ring import CycleEntry, EventEntry
     from duoglide.drives.axis import Axis
     from duoglide.machine import Machine
 

@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
-from duoglide.control.ring import CycleEntry, EventEntry
+from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.errors import BusError, DuoglideError
 
 if TYPE_CHECKING:
-    from duoglide.control.process import StreamerProcess
+    from duoglide.control.host.process import StreamerProcess
 
 _PERIOD = 0.005  # [s] between two looks into the ring
 _SILENCE = 3.0  # [s] without a record after which a streamer that exists counts as hung

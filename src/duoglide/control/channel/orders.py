@@ -9,9 +9,9 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from duoglide.control.program import Program
-    from duoglide.control.ring import CycleEntry, EventEntry
-    from duoglide.control.supervise import Policy
+    from duoglide.control.channel.ring import CycleEntry, EventEntry
+    from duoglide.control.channel.setpoints import Program
+    from duoglide.control.streamer.supervise import Policy
 
 
 class Command(IntEnum):

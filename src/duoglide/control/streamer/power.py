@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 
-from duoglide.control.tracks import AxisTrack
+from duoglide.control.streamer.tracks import AxisTrack
 from duoglide.drives.cia402 import Control, State, controlword_towards
 
 _BRAKING = 0.5  # [s] that drives get for a quick stop before their power is taken

@@ -18,13 +18,13 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import TYPE_CHECKING
 
-from duoglide.control.orders import Command
-from duoglide.control.ring import Ring
+from duoglide.control.channel.orders import Command
+from duoglide.control.channel.ring import Ring
 from duoglide.errors import BusError, DuoglideError
 
 if TYPE_CHECKING:
-    from duoglide.control.orders import StreamSettings
-    from duoglide.control.program import Program
+    from duoglide.control.channel.orders import StreamSettings
+    from duoglide.control.channel.setpoints import Program
 
 ORDER = Struct("<IId")
 LENGTH = Struct("<Q")
@@ -66,7 +66,7 @@ class StreamerProcess:
         self._orders, orders = socket.socketpair()
         self._bulk, bulk = socket.socketpair()
         theirs = (descriptor, orders.fileno(), bulk.fileno())
-        command = [sys.executable, "-P", "-m", "duoglide.control.streamer_main", *map(str, theirs)]
+        command = [sys.executable, "-P", "-m", "duoglide.control.streamer", *map(str, theirs)]
         try:
             # A session of its own: Ctrl-C and Ctrl-Z in the terminal are for the host alone.
             self._process = subprocess.Popen(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from duoglide.arrays import AXES
-from duoglide.control.orders import Happening
+from duoglide.control.channel.orders import Happening
 
 if TYPE_CHECKING:
-    from duoglide.control.motion import Motion
-    from duoglide.control.wire import Wire
+    from duoglide.control.streamer.follower import Motion
+    from duoglide.control.streamer.wire import Wire
 
 
 class Tell(Protocol):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from duoglide.control.supervise import Condition
+from duoglide.control.streamer.supervise import Condition
 from duoglide.errors import BusError, DriveError, DriveFault, DriveTimeout, FollowingError
 from duoglide.storage.records import EventKind
 
 if TYPE_CHECKING:
-    from duoglide.control.report import RunReport
-    from duoglide.control.supervise import Trip
+    from duoglide.control.host.report import RunReport
+    from duoglide.control.streamer.supervise import Trip
 
 _FOLLOWING = 0x8611  # emergency code: following error too large
 _ERRORS: dict[Condition, type[DriveError]] = {

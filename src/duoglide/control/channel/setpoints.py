@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import AXES, FloatArray
-from duoglide.control.scale import IntTriple, Scales
+from duoglide.control.channel.scale import IntTriple, Scales
 from duoglide.errors import LimitError
 from duoglide.motion.actions import SetOutput, WaitInput
 from duoglide.storage.records import Phase

@@ -8,11 +8,11 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
-from duoglide.control.happenings import trip_of
-from duoglide.control.monitor import Monitor
-from duoglide.control.orders import Happening, StreamSettings
-from duoglide.control.process import Assignment, StreamerProcess
-from duoglide.control.supervise import Condition, Policy
+from duoglide.control.channel.orders import Happening, StreamSettings
+from duoglide.control.host.happenings import trip_of
+from duoglide.control.host.monitor import Monitor
+from duoglide.control.host.process import Assignment, StreamerProcess
+from duoglide.control.streamer.supervise import Condition, Policy
 from duoglide.drives.alone import require_alone
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
@@ -24,7 +24,7 @@ from duoglide.kinematics.home import home_carriages
 from duoglide.machine import Machine
 
 if TYPE_CHECKING:
-    from duoglide.control.ring import EventEntry
+    from duoglide.control.channel.ring import EventEntry
 
 HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
 _LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's

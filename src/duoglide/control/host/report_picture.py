@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
-from duoglide.control.report import RunReport
+from duoglide.control.host.report import RunReport
 from duoglide.drawing.notebook import notebook_html
 from duoglide.drawing.over_time import draw_curves, draw_key, finish
 from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn

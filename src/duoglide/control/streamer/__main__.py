@@ -1,6 +1,6 @@
-"""The streamer's process: ``python -m duoglide.control.streamer_main RING ORDERS BULK``.
+"""The streamer's process: ``python -m duoglide.control.streamer RING ORDERS BULK``.
 
-Started by ``duoglide.control.process`` with three inherited descriptors; not for people.
+Started by ``control.host.process`` with three inherited descriptors; not for people.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import sys
 import threading
 from contextlib import suppress
 
-from duoglide.control.clock import MonotonicClock
-from duoglide.control.link import BusLink
-from duoglide.control.loop import run_cycles
-from duoglide.control.orders import Happening, Order
-from duoglide.control.process import LENGTH, ORDER, Assignment, receive_pickle
-from duoglide.control.program import Program
-from duoglide.control.realtime import become_helper, become_realtime
-from duoglide.control.ring import Ring
-from duoglide.control.stream import Streamer
+from duoglide.control.channel.orders import Happening, Order
+from duoglide.control.channel.ring import Ring
+from duoglide.control.channel.setpoints import Program
+from duoglide.control.host.process import LENGTH, ORDER, Assignment, receive_pickle
+from duoglide.control.streamer.clock import MonotonicClock
+from duoglide.control.streamer.cycle import Streamer
+from duoglide.control.streamer.link import BusLink
+from duoglide.control.streamer.loop import run_cycles
+from duoglide.control.streamer.realtime import become_helper, become_realtime
 from duoglide.drives.buses import open_bus
 from duoglide.errors import BusError
 from duoglide.motion.trajectory import Trajectory

@@ -8,21 +8,21 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from duoglide.control.happenings import event_record
-from duoglide.control.motion import MotionState
-from duoglide.control.orders import Command, Happening
-from duoglide.control.override import require_override
-from duoglide.control.report import RunReport, Tally
-from duoglide.control.verdict import require_success
+from duoglide.control.channel.orders import Command, Happening
+from duoglide.control.host.happenings import event_record
+from duoglide.control.host.override import require_override
+from duoglide.control.host.report import RunReport, Tally
+from duoglide.control.host.verdict import require_success
+from duoglide.control.streamer.follower import MotionState
 from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError
 
 if TYPE_CHECKING:
-    from duoglide.control.monitor import Monitor
-    from duoglide.control.process import StreamerProcess
-    from duoglide.control.program import Program
-    from duoglide.control.ring import CycleEntry, EventEntry
-    from duoglide.control.run_log import RunLog
-    from duoglide.control.scale import Scales, Triple
+    from duoglide.control.channel.ring import CycleEntry, EventEntry
+    from duoglide.control.channel.scale import Scales, Triple
+    from duoglide.control.channel.setpoints import Program
+    from duoglide.control.host.monitor import Monitor
+    from duoglide.control.host.process import StreamerProcess
+    from duoglide.control.host.run_log import RunLog
 
 _SETTLING_CYCLES = 10  # recorded after the end, so that the log shows the carriages arrive
 _SETTLING_PATIENCE = 2.0  # [s]

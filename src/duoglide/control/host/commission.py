@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from duoglide.control.connection import open_axes
+from duoglide.control.host.connection import open_axes
 from duoglide.errors import DriveError, InputError
 
 if TYPE_CHECKING:
-    from duoglide.control.robot import Robot
-    from duoglide.control.scale import Triple
+    from duoglide.control.channel.scale import Triple
+    from duoglide.control.host.robot import Robot
     from duoglide.drives.axis import AxisReport
     from duoglide.machine import Machine
 

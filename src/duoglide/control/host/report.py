@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from duoglide.arrays import AXES
-from duoglide.control.happenings import event_record, trip_of
-from duoglide.control.history import History, HistoryTally
-from duoglide.control.orders import Happening
-from duoglide.control.ring import CycleEntry, EventEntry
+from duoglide.control.channel.orders import Happening
+from duoglide.control.channel.ring import CycleEntry, EventEntry
+from duoglide.control.host.happenings import event_record, trip_of
+from duoglide.control.host.history import History, HistoryTally
 from duoglide.storage.records import EventRecord, Phase
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from duoglide.control.scale import Scales, Triple
-    from duoglide.control.supervise import Trip
+    from duoglide.control.channel.scale import Scales, Triple
+    from duoglide.control.streamer.supervise import Trip
 
 _QUANTILES = (0.5, 0.99, 0.999, 1.0)
 
@@ -86,12 +86,12 @@ class RunReport:
         Returns:
             A matplotlib figure; a notebook shows it, ``savefig`` writes it.
         """
-        from duoglide.control.report_picture import plot
+        from duoglide.control.host.report_picture import plot
 
         return plot(self)
 
     def _repr_html_(self) -> str:
-        from duoglide.control.report_picture import report_html
+        from duoglide.control.host.report_picture import report_html
 
         return report_html(self)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 
-from duoglide.control.link import Frame, is_fatal
-from duoglide.control.supervise import AxisView
+from duoglide.control.streamer.link import Frame, is_fatal
+from duoglide.control.streamer.supervise import AxisView
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode, State, Status
 from duoglide.drives.cia402 import decode as decode_state

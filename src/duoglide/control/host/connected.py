@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import FloatArray, read_only
-from duoglide.control.drivetrain import Drivetrain
+from duoglide.control.host.drivetrain import Drivetrain
 from duoglide.drives.cia402 import State, decode
 from duoglide.kinematics.model import forward
 
 if TYPE_CHECKING:
-    from duoglide.control.connection import Connection
-    from duoglide.control.supervise import Trip
+    from duoglide.control.host.connection import Connection
+    from duoglide.control.streamer.supervise import Trip
     from duoglide.drives.simulated import SimulatedDrives
     from duoglide.machine import Machine
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from duoglide.control.orders import Command, Happening, Refusal
-from duoglide.control.power import Power
-from duoglide.control.ring import EventEntry
-from duoglide.control.supervise import Condition, Reaction, Trip
+from duoglide.control.channel.orders import Command, Happening, Refusal
+from duoglide.control.channel.ring import EventEntry
+from duoglide.control.streamer.power import Power
+from duoglide.control.streamer.supervise import Condition, Reaction, Trip
 from duoglide.drives.cia402 import emergency_words
 from duoglide.storage.records import EventKind, EventRecord, Phase
 

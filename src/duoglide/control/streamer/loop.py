@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from duoglide.control.clock import Clock
+    from duoglide.control.streamer.clock import Clock
 
 
 class Cyclic(Protocol):

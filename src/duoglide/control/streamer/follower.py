@@ -5,11 +5,11 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from duoglide.control.program import Program
+from duoglide.control.channel.setpoints import Program
 from duoglide.motion.rate import ClockState, PathClock
 
 if TYPE_CHECKING:
-    from duoglide.control.scale import IntTriple
+    from duoglide.control.channel.scale import IntTriple
     from duoglide.motion.actions import SetOutput, WaitInput
 
 
