@@ -73,8 +73,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "control.report": ("RunReport",),
-    "control.robot": ("Robot",),
+    "control.host.report": ("RunReport",),
+    "control.host.robot": ("Robot",),
     "errors": (
         "BusError",
         "ConfigError",

@@ -12,12 +12,13 @@ import time
 from collections.abc import Sequence
 
 import duoglide as dg
-from duoglide.control.channel.orders import Command, Happening, Order
+from duoglide.control.channel.events import Happening
+from duoglide.control.channel.orders import Command, Order, Power
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.channel.setpoints import Fence, Program, prepare
-from duoglide.control.host.connection import stream_settings
+from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
+from duoglide.control.host.connection import describe_stream
+from duoglide.control.host.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
-from duoglide.control.streamer.power import Power
 from duoglide.drives import pdo
 from duoglide.storage.records import Phase
 
@@ -35,7 +36,7 @@ class World:
         self.words = [OFF] * 3
         self.queue: list[tuple[int, bytes]] = []
         self.waiting: list[Order] = []
-        self.programs: dict[int, Program] = {}
+        self.handed_over: dict[int, PreparedSetpoints] = {}
         self.events: list[EventEntry] = []
         self.cycles = 0
         self.host_gone = False
@@ -77,8 +78,8 @@ class World:
         orders, self.waiting = self.waiting, []
         return orders
 
-    def program(self, number: int) -> Program | None:
-        return self.programs.get(number)
+    def prepared(self, number: int) -> PreparedSetpoints | None:
+        return self.handed_over.get(number)
 
     def put_cycle(self, entry: CycleEntry) -> None:
         self.signs_of_life += 1
@@ -93,11 +94,11 @@ def main(cycles: int = 1_000_000) -> int:
     ends = (-41.0, -100.0, 300.0), (-41.0, 100.0, 300.0)
     ways = [dg.transfer(machine, *ends), dg.transfer(machine, *ends[::-1])]
     fence = Fence.of(machine)
-    programs = [prepare(way, fence, i + 1, Phase.PROGRAM) for i, way in enumerate(ways)]
-    world = World(programs[0].first)
-    world.programs = {program.number: program for program in programs}
-    streamer = Streamer(world, stream_settings(machine), world, world)
-    world.waiting = [(Command.POWER, Power.ON, 0.0)]
+    prepared_ways = [prepare(way, fence, i + 1, Phase.PROGRAM) for i, way in enumerate(ways)]
+    world = World(prepared_ways[0].first)
+    world.handed_over = {prepared.number: prepared for prepared in prepared_ways}
+    streamer = Streamer(world, describe_stream(machine), world, world)
+    world.waiting = [Order(Command.POWER, Power.ON)]
     period = round(machine.drives.cycle * 1e9)
     number, runs, wrong, sent = 0, 0, 0, 0
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -106,9 +107,9 @@ def main(cycles: int = 1_000_000) -> int:
         number += 1
         streamer.cycle(number, number * period, 0, 0)
         if any(event.kind == Happening.FINISHED for event in world.events) or number == 20:
-            program = programs[runs % 2]
+            prepared = prepared_ways[runs % 2]
             if runs:
-                grid = programs[(runs - 1) % 2].legs[0].grid[1:]
+                grid = prepared_ways[(runs - 1) % 2].stretches[0].grid[1:]
                 for axis in range(3):
                     expected = [row[axis] for row in grid]
                     wrong += world.targets[axis][-len(grid) :] != expected
@@ -117,7 +118,7 @@ def main(cycles: int = 1_000_000) -> int:
                 del targets[:-1]
             assert not any(event.kind == Happening.TRIP for event in world.events), world.events
             world.events.clear()
-            world.waiting = [(Command.RUN, program.number, 1.0)]
+            world.waiting = [Order(Command.RUN, prepared.number, 1.0)]
             runs += 1
     took = time.perf_counter() - began
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.channel.orders import Command, Happening, StreamSettings
+from duoglide.control.channel.events import Condition, Happening
+from duoglide.control.channel.orders import Command, Order, Policy, Power, StreamSettings
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.channel.setpoints import Fence, Program, prepare
+from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
+from duoglide.control.host.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
-from duoglide.control.streamer.power import Power
-from duoglide.control.streamer.supervise import Condition, Policy
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
 from duoglide.drives.simulation.firmware import FirmwareAxis
@@ -89,13 +89,13 @@ class Bench:
         self.log: list[CycleEntry] = []
         self.events: list[EventEntry] = []
         self.sent: list[tuple[int, bytes]] = []
-        self.programs: dict[int, Program] = {}
+        self.handed_over: dict[int, PreparedSetpoints] = {}
         self.host_gone = False
         self.reading = True
         self.broken = False
         self.deaf = False
         self.lose: Callable[[int], bool] = lambda identifier: False
-        self._orders: list[tuple[int, int, float]] = []
+        self._orders: list[Order] = []
         self._queue: list[tuple[int, bytes]] = []
         self._answers: list[tuple[int, bytes]] = []
         self._life = 0
@@ -139,7 +139,7 @@ class Bench:
         self._queue.append((identifier, data))
 
     def order(self, command: Command, argument: int = 0, value: float = 0.0) -> None:
-        self._orders.append((command, argument, value))
+        self._orders.append(Order(command, argument, value))
 
     def enable(self) -> Bench:
         self.step(3)
@@ -147,11 +147,13 @@ class Bench:
         self.step(12)
         return self
 
-    def run(self, trajectory: Any, override: float = 1.0) -> Program:
-        program = prepare(trajectory, Fence.of(self.machine), len(self.programs) + 1, Phase.PROGRAM)
-        self.programs[program.number] = program
-        self.order(Command.RUN, program.number, override)
-        return program
+    def run(self, trajectory: Any, override: float = 1.0) -> PreparedSetpoints:
+        prepared = prepare(
+            trajectory, Fence.of(self.machine), len(self.handed_over) + 1, Phase.PROGRAM
+        )
+        self.handed_over[prepared.number] = prepared
+        self.order(Command.RUN, prepared.number, override)
+        return prepared
 
     def straight(self, **options: Any) -> Straight:
         """A trajectory that starts where the drives stand."""
@@ -204,12 +206,12 @@ class Bench:
     def close(self) -> None:
         pass
 
-    def orders(self) -> list[tuple[int, int, float]]:
+    def orders(self) -> list[Order]:
         orders, self._orders = self._orders, []
         return orders
 
-    def program(self, number: int) -> Program | None:
-        return self.programs.get(number)
+    def prepared(self, number: int) -> PreparedSetpoints | None:
+        return self.handed_over.get(number)
 
     def put_cycle(self, entry: CycleEntry) -> None:
         self.log.append(entry)

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duoglide.control.channel.orders import Command, Happening
-from duoglide.control.streamer.power import Power
-from duoglide.control.streamer.supervise import Condition
+from duoglide.control.channel.events import Condition, Happening
+from duoglide.control.channel.orders import Command, Power
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
 
@@ -248,13 +247,13 @@ def test_drives_stop_by_themselves_when_the_streamer_falls_silent(running: Any) 
 
 
 def test_a_setpoint_outside_the_fence_is_never_sent(running: Any) -> None:
-    (program,) = running.programs.values()
+    (prepared,) = running.handed_over.values()
     sent_before = len(running.sent)
-    running.streamer._motion.advance = lambda cycles: (10**6, 0, 0)
+    running.streamer._follower.advance = lambda cycles: (10**6, 0, 0)
     running.step(5)
     assert (Condition.REFUSED, 1) in running.tripped()
     targets = [pdo.SETPOINT.unpack(d)[1] for i, d in running.sent[sent_before:] if i == 0x201]
-    assert max(targets) <= program.fence.high[0]
+    assert max(targets) <= prepared.fence.high[0]
 
 
 def test_a_fault_is_reset_by_an_edge_and_only_on_purpose(running: Any) -> None:

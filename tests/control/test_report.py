@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.channel.orders import Command, Happening, Refusal
+from duoglide.control.channel.events import Condition, Happening, Reaction, Refusal, Trip
+from duoglide.control.channel.orders import Command
 from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.control.channel.scale import Scales
-from duoglide.control.host.happenings import event_record
-from duoglide.control.host.report import Lateness, RunReport, Tally
-from duoglide.control.host.verdict import require_success
-from duoglide.control.streamer.supervise import Condition, Reaction, Trip
+from duoglide.control.host.happenings import describe_event
+from duoglide.control.host.report import Lateness, RunReport, Tally, require_success
 from duoglide.storage.records import EventKind
 
 NONE = ((0.0,) * 3,) * 3
@@ -28,7 +27,7 @@ def cycle(number: int, following: int, missing: int = 0) -> CycleEntry:
 
 @pytest.fixture
 def tally() -> Tally:
-    tally = Tally(program=1)
+    tally = Tally(number=1)
     for entry in (cycle(1, 100), cycle(2, -300, missing=5), cycle(3, 200)):
         tally.add_cycle(entry)
     return tally
@@ -57,7 +56,7 @@ def test_a_report_shows_itself_with_units_in_a_notebook(tally: Tally) -> None:
     error, late = found.plot().axes
     assert np.array(error.lines[0].get_ydata()) == pytest.approx([100.0, 300.0, 200.0])
     assert np.array(late.lines[0].get_ydata()) == pytest.approx([50.0, 100.0, 150.0])
-    nothing = report(Tally(program=1))
+    nothing = report(Tally(number=1))
     assert "<img" not in nothing._repr_html_()
     assert len(nothing.plot().axes) == 2
 
@@ -94,5 +93,5 @@ def test_an_operators_stop_is_no_error(tally: Tally) -> None:
 def test_everything_that_can_happen_has_words(kind: Happening) -> None:
     detail = {Happening.ORDER: Command.STOP, Happening.REFUSED: Command.RUN}.get(kind, 2)
     event = EventEntry(1, 2, kind, 3, detail, Refusal.BUSY, 1.0)
-    record = event_record(event)
+    record = describe_event(event)
     assert isinstance(record.kind, EventKind) and record.text

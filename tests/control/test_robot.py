@@ -14,11 +14,10 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.control.channel.events import Condition, RunState
 from duoglide.control.channel.orders import Command
 from duoglide.control.host.commission import creep, describe_drives
 from duoglide.control.host.handle import RunHandle
-from duoglide.control.streamer.follower import MotionState
-from duoglide.control.streamer.supervise import Condition
 from duoglide.drives.cia402 import State
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation.faults import Clear, DeviceFault, Reboot, Sto
@@ -143,7 +142,7 @@ def test_hold_resume_override_and_stop_work_while_a_run_goes_on(
 ) -> None:
     handle = ready.start(there, override=0.2)
     handle.hold()
-    _until(lambda: handle.status.state is MotionState.HELD)
+    _until(lambda: handle.status.state is RunState.HELD)
     assert not handle.done
     held = handle.status.path_time
     handle.set_override(0.5)
@@ -182,7 +181,7 @@ def test_what_is_ordered_during_the_approach_holds_for_the_program_too(
 ) -> None:
     handle = ready.start(back, approach=True)
     handle.set_override(0.3)
-    program = handle._plan.program.number
+    program = handle._plan.prepared.number
     monkey = handle._finished
 
     def hold_between() -> None:  # just as the approach ends, before the program begins
@@ -216,8 +215,8 @@ def test_a_run_that_is_stopped_before_it_begins_does_not_begin(
 ) -> None:
     load = ready._connection.process.load
 
-    def stop_meanwhile(program: Any) -> None:
-        load(program)
+    def stop_meanwhile(prepared: Any) -> None:
+        load(prepared)
         ready.stop()
 
     monkeypatch.setattr(ready._connection.process, "load", stop_meanwhile)

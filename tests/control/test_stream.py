@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duoglide.control.channel.orders import Command, Happening
-from duoglide.control.streamer.loop import run_cycles
-from duoglide.control.streamer.power import Power
+from duoglide.control.channel.events import Happening
+from duoglide.control.channel.orders import Command, Power
+from duoglide.control.streamer.clock import run_cycles
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
 from duoglide.motion.actions import SetOutput, WaitInput
@@ -38,12 +38,12 @@ def test_sync_is_first_in_every_cycle(bench: Any) -> None:
 
 def test_a_run_sends_every_setpoint_of_its_grid_once_and_in_order(bench: Any) -> None:
     bench.enable()
-    program = bench.run(bench.straight())
+    prepared = bench.run(bench.straight())
     bench.sent.clear()
     bench.step(520)
     assert bench.happened(Happening.FINISHED)
     targets = [pdo.SETPOINT.unpack(data)[1] for i, data in bench.sent if i == 0x201]
-    grid = [row[0] for row in program.legs[0].grid]
+    grid = [row[0] for row in prepared.stretches[0].grid]
     assert targets[: len(grid) - 1] == grid[1:]
     assert set(targets[len(grid) - 1 :]) == {grid[-1]}
 
@@ -58,7 +58,7 @@ def test_following_error_compares_the_setpoint_that_should_have_been_reached(ben
 
 def test_hold_begins_within_two_cycles_and_resume_ends_at_the_same_place(bench: Any) -> None:
     bench.enable()
-    program = bench.run(bench.straight())
+    prepared = bench.run(bench.straight())
     bench.step(200)
     bench.order(Command.HOLD)
     bench.step(3)
@@ -70,7 +70,7 @@ def test_hold_begins_within_two_cycles_and_resume_ends_at_the_same_place(bench: 
     assert np.all(bench.setpoints()[-50:] == held)
     bench.order(Command.RESUME)
     bench.step(600)
-    assert tuple(bench.setpoints()[-1]) == program.legs[-1].grid[-1]
+    assert tuple(bench.setpoints()[-1]) == prepared.stretches[-1].grid[-1]
     assert bench.happened(Happening.FINISHED)
 
 

@@ -6,16 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from duoglide.control.streamer.supervise import (
-    AxisView,
-    Condition,
-    Observation,
-    Policy,
-    Reaction,
-    Trip,
-    assess,
-)
-from duoglide.control.streamer.watch import Watch
+from duoglide.control.channel.events import Condition, Reaction, Trip
+from duoglide.control.channel.orders import Policy
+from duoglide.control.streamer.supervise import Observation, Watch, assess
+from duoglide.control.streamer.tracks import AxisView
 from duoglide.drives.cia402 import State
 from duoglide.drives.pdo import NmtState
 
@@ -121,7 +115,7 @@ def test_a_reaction_never_gets_weaker_and_each_thing_is_told_once(
         watch.seen = observation(
             AxisView(state=state, statusword=0x1237, emergency=code, missing=missing)
         )
-        told += [(trip.condition, trip.axis, trip.code) for trip in watch.news()]
+        told += [(trip.condition, trip.axis, trip.code) for trip in watch.find_new_trips()]
         assert watch.reaction >= before
         before = watch.reaction
     assert len(told) == len(set(told))

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.channel.setpoints import Fence, prepare
+from duoglide.control.channel.setpoints import Fence
 from duoglide.control.host.fitness import require_fit
+from duoglide.control.host.prepare import prepare
 from duoglide.motion.actions import WaitInput
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
@@ -37,10 +38,11 @@ def test_a_changed_pace_comes_back_setpoint_for_setpoint(
 ) -> None:
     recorded = rebuild(read_log(write_run(paced(overrides))))
     assert not recorded.at_full_speed
-    [leg] = prepare(recorded.motion, Fence.of(trajectory.machine), 1, Phase.PROGRAM).legs
+    prepared = prepare(recorded.motion, Fence.of(trajectory.machine), 1, Phase.PROGRAM)
+    [stretch] = prepared.stretches
     data = recorded.data
     sent = data.setpoint[data.on_program]
-    again = np.array(leg.grid[1 : len(sent) + 1])
+    again = np.array(stretch.grid[1 : len(sent) + 1])
     assert np.array_equal(again, sent)
 
 

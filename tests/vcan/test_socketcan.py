@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.streamer.supervise import Condition
+from duoglide.control.channel.events import Condition
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.control.channel.events import RunState
 from duoglide.control.host.handle import RunStatus
-from duoglide.control.streamer.follower import MotionState
 from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot
 from duoglide.viewer.page import Page
@@ -140,7 +140,7 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
 
 
 def test_the_override_is_the_one_that_another_page_has_chosen(browser: Any) -> None:
-    status = RunStatus(MotionState.RUNNING, 0.1, 0.5, (0.0, 1.0, 2.0), (0.0, 0.0, 0.0), 9.0, 0.5)
+    status = RunStatus(RunState.RUNNING, 0.1, 0.5, (0.0, 1.0, 2.0), (0.0, 0.0, 0.0), 9.0, 0.5)
     run = SimpleNamespace(status=status)
     robot: Any = SimpleNamespace(
         machine=PATIENT, bus="virtual", homed=False, states=(State.OPERATION_ENABLED,) * 3,
@@ -157,7 +157,7 @@ def test_the_override_is_the_one_that_another_page_has_chosen(browser: Any) -> N
 
 def test_a_jog_leaves_the_override_of_the_next_run_alone(browser: Any) -> None:
     creeping = SimpleNamespace(
-        status=RunStatus(MotionState.RUNNING, 0.1, 0.1, (0.0,) * 3, (0.0,) * 3, 9.0, 0.1)
+        status=RunStatus(RunState.RUNNING, 0.1, 0.1, (0.0,) * 3, (0.0,) * 3, 9.0, 0.1)
     )
     robot: Any = SimpleNamespace(
         machine=PATIENT, bus="virtual", homed=True, states=(State.OPERATION_ENABLED,) * 3,

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.control.channel.events import RunState
 from duoglide.control.host.handle import RunStatus
-from duoglide.control.streamer.follower import MotionState
 from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot, find
 from duoglide.viewer.share import meeting_place, share
 
-STATUS = RunStatus(MotionState.HELD, 0.25, 0.5, (1.0, 2.0, 3.0), (0.1, -0.2, 0.3), 45.0, 0.6)
+STATUS = RunStatus(RunState.HELD, 0.25, 0.5, (1.0, 2.0, 3.0), (0.1, -0.2, 0.3), 45.0, 0.6)
 
 
 class Run:
@@ -71,7 +71,7 @@ def test_a_joined_machine_shows_what_its_owner_sees(robot: Any) -> None:
         assert joined.position.tolist() == [-41.0, 0.0, 302.0]
         run = joined.current_run
         assert run is not None
-        assert run.status.state is MotionState.HELD
+        assert run.status.state is RunState.HELD
         assert (run.status.lateness, run.status.override) == (STATUS.lateness, STATUS.override)
         robot.current_run = None
         assert joined.current_run is None

@@ -25,11 +25,11 @@ def run_with_progress(
     Raises:
         DuoglideError: It cannot be run, or did not come to its end.
     """
-    from duoglide.control.host.handle import stopped_by_interrupt
-    from duoglide.control.host.verdict import require_success
+    from duoglide.control.host.handle import stop_on_interrupt
+    from duoglide.control.host.report import require_success
 
     handle = robot.start(trajectory, log=log, approach=approach, override=override)
-    with stopped_by_interrupt(handle):
+    with stop_on_interrupt(handle):
         with progress("streaming", trajectory.duration) as done:
             while not handle.done:
                 done(handle.status.path_time)

@@ -75,7 +75,7 @@ class PathClock:
         self._anchor = as_number(start, "start")
         if not 0.0 <= self._anchor <= bounds.duration:
             raise InputError(f"start = {start:g} s: must be from 0 to {bounds.duration:g} s")
-        self._override = _rate(override)
+        self._override = require_override(override)
         self._rate = self._override
         self._ticks = 0
         self._tau = 0.0
@@ -121,7 +121,7 @@ class PathClock:
         Raises:
             InputError: Not a number from 0 to 1.
         """
-        self._override = _rate(override)
+        self._override = require_override(override)
         self._aim()
 
     def hold(self) -> None:
@@ -251,8 +251,13 @@ class PathClock:
         return _Change(target, bounds, profile)
 
 
-def _rate(value: float) -> float:
-    number = as_number(value, "override")
-    if not 0.0 <= number <= 1.0:
-        raise InputError(f"override = {number:g}: must be from 0 to 1")
-    return number
+def require_override(override: object) -> float:
+    """Return the share of the planned speed that is asked for, 0 to 1; at 0 the run stands.
+
+    Raises:
+        InputError: It is not.
+    """
+    value = as_number(override, "override")
+    if not 0.0 <= value <= 1.0:
+        raise InputError(f"override = {value:g}: must be from 0 to 1 (1 is the planned speed)")
+    return value

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.control.host.fitness import cycle_use
+from duoglide.control.host.fitness import measure_cycles
 from duoglide.errors import LimitError
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
@@ -53,7 +53,7 @@ def recheck_repaced(machine: Machine, trajectory: Trajectory) -> Trajectory:
         LimitError: It asks more of a carriage than ``machine.stop_limits``.
     """
     bound = _bind(machine, trajectory)
-    _require_limits(cycle_use(bound, machine), 1.0)
+    _require_limits(measure_cycles(bound, machine), 1.0)
     return bound
 
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray, read_only
+from duoglide.control.channel.events import RunState
 from duoglide.control.host.handle import RunStatus
-from duoglide.control.streamer.follower import MotionState
 from duoglide.drives.cia402 import State
 from duoglide.errors import BusError
 from duoglide.machine import Machine
@@ -111,7 +111,7 @@ class JoinedRobot:
         run = self._look()["run"]
         if run is None:
             return None
-        return JoinedRun(RunStatus(**{**run, "state": MotionState[run["state"]]}), self._path)
+        return JoinedRun(RunStatus(**{**run, "state": RunState[run["state"]]}), self._path)
 
     def stop(self) -> None:
         """Come to rest on the path and end the run."""

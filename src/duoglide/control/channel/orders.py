@@ -1,24 +1,21 @@
-"""What passes between the host process and the streamer: orders one way, records the other."""
+"""What the host tells the streamer: orders on one socket, whole objects on another."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import pickle
+import socket
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING, Protocol
-
-if TYPE_CHECKING:
-    from duoglide.control.channel.ring import CycleEntry, EventEntry
-    from duoglide.control.channel.setpoints import Program
-    from duoglide.control.streamer.supervise import Policy
+from struct import Struct
+from typing import NamedTuple
 
 
 class Command(IntEnum):
     """What the host asks of the streamer."""
 
     POWER = 1  # argument: Power
-    RUN = 2  # argument: number of the program; value: override
+    RUN = 2  # argument: number of the prepared setpoints; value: override
     HOLD = 3
     RESUME = 4
     OVERRIDE = 5  # value: 0 to 1
@@ -30,83 +27,50 @@ class Command(IntEnum):
     STANDSTILL = 11  # value: for how long simulated drives stand still with this computer [s]
 
 
-class Refusal(IntEnum):
-    """Why an order was not carried out."""
+class Power(IntEnum):
+    """What the streamer wants of the drives' power."""
 
-    NOT_LOADED = 1
-    NOT_ENABLED = 2
-    LATCHED = 3
-    BUSY = 4
-    ELSEWHERE = 5
-
-    @property
-    def words(self) -> str:
-        """Say it."""
-        return _REFUSALS[self]
+    SILENT = 0  # no setpoints are sent; somebody else may write controlwords
+    OFF = 1
+    ON = 2
+    HOMING = 3  # on, with bit 4: in homing mode, go
+    QUICK_STOP = 4
+    RESET = 5  # rising edges of bit 7 to whoever is in fault
 
 
-_REFUSALS = {
-    Refusal.NOT_LOADED: "the program has not been handed over",
-    Refusal.NOT_ENABLED: "the drives are not enabled",
-    Refusal.LATCHED: "a stop is latched",
-    Refusal.BUSY: "a motion is in progress",
-    Refusal.ELSEWHERE: "the setpoint held is not where the motion begins",
-}
+class Order(NamedTuple):
+    """One order; what ``argument`` and ``value`` mean depends on the ``Command``."""
+
+    command: int
+    argument: int = 0
+    value: float = 0.0
 
 
-class Happening(IntEnum):
-    """What the streamer tells beside its cycles; fields of ``EventEntry`` in brackets."""
-
-    READY = 1  # [code: bits of Granted]
-    POWER = 3  # the goal has changed [detail: Power; value 1: and has been reached]
-    STARTED = 4  # [detail: Phase; value: number of the program]
-    FINISHED = 5  # [value: path time]
-    STOPPED = 6  # [value: path time]
-    ORDER = 7  # an order was carried out [detail: Command; value]
-    REFUSED = 8  # an order was not [detail: Command; axis; code: Refusal]
-    TRIP = 9  # [axis, detail: index of the Condition, code: of the emergency, value: Reaction]
-    EMERGENCY = 10  # [axis, code]
-    OUTPUT = 11  # [axis, code: the word]
-    INPUT = 12  # a wait has ended [axis, detail: bit, value: seconds waited]
-    INPUT_TIMEOUT = 13  # [axis, detail: bit, value: seconds waited]
-    LATE = 14  # cycles were skipped [value: how many]
+ORDER = Struct("<IId")  # an Order on its socket
 
 
-Order = tuple[int, int, float]  # command, argument, value
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """How much is bridged before it counts.
 
+    Attributes:
+        missing: Feedbacks missing in a row, of one drive while another answers; or cycles in a
+            row in which it bounds what it is asked for.
+        silence: Feedbacks missing in a row, of all drives.
+        late: Late cycles in a row.
+        unsent: Cycles in a row whose frames could not be sent.
+        heartbeat: Age of a drive's last heartbeat [cycles].
+        following: Following error per axis [increments].
+        host: Age of the host's last sign of life [cycles].
+    """
 
-class Inbox(Protocol):
-    """Where the host's orders come from."""
-
-    def orders(self) -> Sequence[Order]:
-        """Return the orders that have come, without waiting."""
-        ...
-
-    def program(self, number: int) -> Program | None:
-        """Return a program that has been handed over; None if it has not."""
-        ...
-
-    @property
-    def host_gone(self) -> bool:
-        """Whether the host process has ended."""
-        ...
-
-
-class Outbox(Protocol):
-    """Where records go: a ``Ring``, or a list in tests."""
-
-    def put_cycle(self, entry: CycleEntry) -> None:
-        """Keep the record of a cycle."""
-        ...
-
-    def put_event(self, entry: EventEntry) -> None:
-        """Keep the record of an event."""
-        ...
-
-    @property
-    def signs_of_life(self) -> int:
-        """A number that changes while somebody reads."""
-        ...
+    heartbeat: int
+    following: tuple[int, int, int]
+    host: int
+    missing: int = 3
+    silence: int = 3
+    late: int = 3
+    unsent: int = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +91,7 @@ class StreamSettings:
     heartbeat_every: int
     policy: Policy
 
-    def policy_standing_still(self, seconds: float) -> Policy:
+    def allow_standstill(self, seconds: float) -> Policy:
         """Return the policy for drives that stand still with this computer, for so long.
 
         Silence of all drives at once then means that a process was not given a processor: the run
@@ -135,3 +99,48 @@ class StreamSettings:
         """
         silence = max(self.policy.silence, math.ceil(seconds * 1e9 / self.cycle))
         return replace(self.policy, silence=silence)
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """What the streamer is told when it starts.
+
+    Attributes:
+        bus: Name of the bus.
+        bit_rate: [bit/s].
+        settings: Of the machine.
+    """
+
+    bus: str
+    bit_rate: int
+    settings: StreamSettings
+
+
+_LENGTH = Struct("<Q")
+
+
+def pack_object(thing: object) -> bytes:
+    """Return what to send for an object: its length, then its pickle."""
+    data = pickle.dumps(thing, pickle.HIGHEST_PROTOCOL)
+    return _LENGTH.pack(len(data)) + data
+
+
+def receive_object(end: socket.socket) -> object:
+    """Read one object that ``pack_object`` has packed.
+
+    Raises:
+        EOFError: The other side is gone.
+        OSError: The socket has failed, or its patience is over.
+    """
+    (length,) = _LENGTH.unpack(_receive(end, _LENGTH.size))
+    return pickle.loads(_receive(end, length))
+
+
+def _receive(end: socket.socket, size: int) -> bytes:
+    parts = bytearray()
+    while len(parts) < size:
+        part = end.recv(min(size - len(parts), 1 << 20))
+        if not part:
+            raise EOFError("the other side is gone")
+        parts += part
+    return bytes(parts)

@@ -12,11 +12,12 @@ import mmap
 import os
 from collections.abc import Iterator
 from struct import Struct
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from duoglide.control.channel.scale import IntTriple
 
 _HEAD = 64  # bytes, eight words; the first five are the counters
 _WRITTEN, _READ, _DROPPED, _ALIVE, _ORDERS = range(5)
-IntTriple = tuple[int, int, int]
 
 CAPACITY = 16384  # records: half a minute at 500 Hz
 
@@ -39,9 +40,9 @@ class CycleEntry(NamedTuple):
         statusword: Sampled at this SYNC.
         phase: A ``storage`` phase.
         missing: Bit i: no answer of drive i + 1 to this SYNC.
-        motion: A ``MotionState``.
+        state: A ``RunState``.
         power: A ``Power``.
-        run: Number of the program.
+        run: Number of the prepared setpoints.
     """
 
     cycle: int
@@ -57,12 +58,12 @@ class CycleEntry(NamedTuple):
     statusword: IntTriple
     phase: int
     missing: int
-    motion: int
+    state: int
     power: int
     run: int
 
     @classmethod
-    def from_flat(cls, values: tuple[Any, ...]) -> CycleEntry:
+    def from_flat(cls, values: tuple[float, ...]) -> CycleEntry:
         """Build the entry from its 26 numbers in the ring."""
         v = values
         triples = (v[6:9], v[9:12], v[12:15], v[15:18], v[18:21])

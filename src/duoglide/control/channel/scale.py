@@ -18,6 +18,12 @@ IntTriple = tuple[int, int, int]
 Triple = tuple[float, float, float]
 
 
+def as_int_triple(row: NDArray[np.int64]) -> IntTriple:
+    """Return one row of increments as the cycle needs it: plain whole numbers."""
+    first, second, third = row.tolist()
+    return first, second, third
+
+
 @dataclass(frozen=True, slots=True)
 class Scales:
     """Conversion between carriages [mm] and the increments of three drives."""

@@ -8,11 +8,10 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
-from duoglide.control.channel.orders import Happening, StreamSettings
-from duoglide.control.host.happenings import trip_of
+from duoglide.control.channel.events import Condition, Happening, Trip
+from duoglide.control.channel.orders import Assignment, Policy, StreamSettings
 from duoglide.control.host.monitor import Monitor
-from duoglide.control.host.process import Assignment, StreamerProcess
-from duoglide.control.streamer.supervise import Condition, Policy
+from duoglide.control.host.process import StreamerProcess
 from duoglide.drives.alone import require_alone
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
@@ -59,7 +58,7 @@ class Connection:
 
     def _start_stream(self) -> None:
         drives = self._machine.drives
-        assignment = Assignment(self.bus, drives.bit_rate, stream_settings(self._machine))
+        assignment = Assignment(self.bus, drives.bit_rate, describe_stream(self._machine))
         try:
             self.process = StreamerProcess(assignment)
         except BaseException:
@@ -134,7 +133,7 @@ def open_axes(machine: Machine, bus: str) -> Iterator[tuple[Axis, ...]]:
 
 
 def _is_bus_failure(event: EventEntry) -> bool:
-    return event.kind == Happening.TRIP and trip_of(event).condition is Condition.BUS
+    return event.kind == Happening.TRIP and Trip.from_event(event).condition is Condition.BUS
 
 
 def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
@@ -154,7 +153,7 @@ def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
         axis.command(Nmt.START)
 
 
-def stream_settings(machine: Machine) -> StreamSettings:
+def describe_stream(machine: Machine) -> StreamSettings:
     """Return what the streamer has to know of a machine."""
     drives = machine.drives
     window = drives.following_error_window

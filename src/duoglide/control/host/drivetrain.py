@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duoglide.arrays import AXES
-from duoglide.control.channel.orders import Command, Happening, Refusal
+from duoglide.control.channel.events import Condition, Happening, Refusal, Trip
+from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
 from duoglide.control.host.connection import Connection, bring_up
-from duoglide.control.host.happenings import trip_of
-from duoglide.control.streamer.power import Power
-from duoglide.control.streamer.supervise import Condition, Trip
 from duoglide.drives.cia402 import Mode, State, decode
 from duoglide.errors import DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
@@ -76,7 +74,7 @@ class Drivetrain:
     def latched(self) -> tuple[Trip, ...]:
         """What has tripped since the last reset."""
         events = self._connection.monitor.events(self._reset_at)
-        return tuple(trip_of(event) for event in events if _is_trip(event))
+        return tuple(Trip.from_event(event) for event in events if _is_trip(event))
 
     @property
     def homed(self) -> bool:
@@ -268,7 +266,7 @@ def _no_fault(entry: CycleEntry) -> bool:
 
 
 def _is_boot_up(event: EventEntry) -> bool:
-    return _is_trip(event) and trip_of(event).condition is Condition.BOOT_UP
+    return _is_trip(event) and Trip.from_event(event).condition is Condition.BOOT_UP
 
 
 def _is_latched(event: EventEntry) -> bool:

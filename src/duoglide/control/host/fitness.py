@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,13 @@ _SAME = 1e-6  # [mm] between the trajectory's carriages and those of this machin
 _LIMIT_RESERVE = 1.001  # what an audit allows
 _TOUCHING = -1e-6  # [mm] of room; planning keeps 1e-7 and more, on the exact path
 
-LimitUse = tuple["Triple", "Triple", "Triple"]
+
+class LimitUse(NamedTuple):
+    """Worst use of each carriage's limits; 1.0 is at the limit."""
+
+    velocity: Triple
+    acceleration: Triple
+    jerk: Triple
 
 
 def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
@@ -79,7 +85,7 @@ def _require_rests(trajectory: Trajectory) -> None:
         )
 
 
-def limit_use(trajectory: Trajectory, machine: Machine) -> LimitUse:
+def measure_limit_use(trajectory: Trajectory, machine: Machine) -> LimitUse:
     """Return how much of a machine's limits a trajectory uses.
 
     Raises:
@@ -134,12 +140,12 @@ def _require_limits(machine: Machine, state: State, times: FloatArray) -> LimitU
             )
         first, second, third = use.max(axis=0).tolist()
         uses.append((first, second, third))
-    return uses[0], uses[1], uses[2]
+    return LimitUse(*uses)
 
 
 def _require_stop_limits(machine: Machine, trajectory: Trajectory) -> LimitUse:
     """Check a recorded motion, which may use the stop limits, and is known at its cycles only."""
-    use = cycle_use(trajectory, machine)
+    use = measure_cycles(trajectory, machine)
     if use.max() > _LIMIT_RESERVE:
         order, carriage = np.unravel_index(int(np.argmax(use)), use.shape)
         name = ("velocity", "acceleration", "jerk")[order]
@@ -147,11 +153,10 @@ def _require_stop_limits(machine: Machine, trajectory: Trajectory) -> LimitUse:
             f"the recorded motion uses {100.0 * use.max():.1f} % of stop_limits.{name} of carriage"
             f" {carriage + 1} of this machine: replay its plan instead"
         )
-    velocity, acceleration, jerk = ((a, b, c) for a, b, c in use.tolist())
-    return velocity, acceleration, jerk
+    return LimitUse(*map(tuple, use.tolist()))
 
 
-def cycle_use(trajectory: Trajectory, machine: Machine) -> FloatArray:
+def measure_cycles(trajectory: Trajectory, machine: Machine) -> FloatArray:
     """Return the use of ``machine.stop_limits`` by the positions that the cycles will send.
 
     Measured by their differences; from and to rest. Shape (3, 3): velocity, acceleration and jerk

@@ -8,18 +8,18 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from duoglide.control.channel.orders import Command, Happening
-from duoglide.control.host.happenings import event_record
-from duoglide.control.host.override import require_override
-from duoglide.control.host.report import RunReport, Tally
-from duoglide.control.host.verdict import require_success
-from duoglide.control.streamer.follower import MotionState
+from duoglide.control.channel.events import Happening, RunState
+from duoglide.control.channel.orders import Command
+from duoglide.control.host.happenings import describe_event
+from duoglide.control.host.report import RunReport, Tally, require_success
 from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError
+from duoglide.motion.rate import require_override
 
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import CycleEntry, EventEntry
     from duoglide.control.channel.scale import Scales, Triple
-    from duoglide.control.channel.setpoints import Program
+    from duoglide.control.channel.setpoints import PreparedSetpoints
+    from duoglide.control.host.fitness import LimitUse
     from duoglide.control.host.monitor import Monitor
     from duoglide.control.host.process import StreamerProcess
     from duoglide.control.host.run_log import RunLog
@@ -43,7 +43,7 @@ class RunStatus:
         override: The rate that is asked for, 0 to 1, whoever has asked last.
     """
 
-    state: MotionState
+    state: RunState
     path_time: float
     rate: float
     carriages: Triple
@@ -58,17 +58,17 @@ class RunPlan:
 
     Attributes:
         approach: What gets it to the start; None where it is there.
-        program: What it runs.
+        prepared: What it runs.
         override: Rate to begin with.
         scales: Of the drives.
         limit_use: Of the trajectory, for the report.
     """
 
-    approach: Program | None
-    program: Program
+    approach: PreparedSetpoints | None
+    prepared: PreparedSetpoints
     override: float
     scales: Scales
-    limit_use: tuple[Triple, Triple, Triple]
+    limit_use: LimitUse
 
 
 class RunHandle:
@@ -85,7 +85,7 @@ class RunHandle:
         self, plan: RunPlan, process: StreamerProcess, monitor: Monitor, log: RunLog | None
     ) -> None:
         self._plan, self._process, self._monitor, self._log = plan, process, monitor, log
-        self._tally = Tally(plan.program.number)
+        self._tally = Tally(plan.prepared.number)
         self._over = threading.Event()
         self._resources = ExitStack()
         self._report: RunReport | None = None
@@ -101,7 +101,7 @@ class RunHandle:
             monitor.attach(*listeners, log)
         else:
             monitor.attach(*listeners)
-        first = plan.approach or plan.program
+        first = plan.approach or plan.prepared
         process.order(Command.RUN, first.number, plan.override)
 
     # What the monitor's thread calls
@@ -110,9 +110,9 @@ class RunHandle:
         """Nothing to do: the tally counts."""
 
     def add_event(self, event: EventEntry) -> None:
-        """Go on from the approach to the program, and notice the end."""
+        """Go on from the approach to the run itself, and notice the end."""
         if event.kind == Happening.REFUSED and event.detail == Command.RUN:
-            self._refusal = event_record(event).text
+            self._refusal = describe_event(event).text
             self._over.set()
         elif event.kind == Happening.STOPPED:
             self._over.set()
@@ -133,12 +133,12 @@ class RunHandle:
         self._over.set()
 
     def _go_on(self) -> None:
-        """Between approach and program: begin, unless somebody has stopped or held the run."""
+        """Begin the run itself after its approach, unless somebody has stopped or held it."""
         if self._between and self._ordered_to_stop:
             self._over.set()
         elif self._between and not self._held:
             self._between = False
-            self._process.order(Command.RUN, self._plan.program.number, self._override)
+            self._process.order(Command.RUN, self._plan.prepared.number, self._override)
 
     # What the operator calls
 
@@ -201,7 +201,7 @@ class RunHandle:
             raise BusError("the streamer has not reported a cycle yet")
         scales = self._plan.scales
         return RunStatus(
-            state=MotionState(entry.motion),
+            state=RunState(entry.state),
             path_time=entry.path_time,
             rate=entry.rate,
             carriages=scales.mm(entry.actual),
@@ -262,7 +262,7 @@ class RunHandle:
 
 
 @contextmanager
-def stopped_by_interrupt(handle: RunHandle) -> Iterator[None]:
+def stop_on_interrupt(handle: RunHandle) -> Iterator[None]:
     """Let Ctrl-C stop a run along its path, before it goes on its way."""
     try:
         yield
@@ -276,10 +276,10 @@ def wait_to_the_end(handle: RunHandle) -> RunReport:
     """Wait for a run; Ctrl-C stops it along its path.
 
     Raises:
-        DriveError: It has been stopped by what ``verdict`` names.
+        DriveError: It has been stopped by what ``require_success`` names.
         BusError: The bus has failed, or the streamer is gone.
     """
-    with stopped_by_interrupt(handle):
+    with stop_on_interrupt(handle):
         report = handle.wait()
     require_success(report)
     return report

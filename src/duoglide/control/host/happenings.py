@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from duoglide.control.channel.orders import Command, Happening, Refusal
+from duoglide.control.channel.events import Condition, Happening, Reaction, Refusal, Trip
+from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.ring import EventEntry
-from duoglide.control.streamer.power import Power
-from duoglide.control.streamer.supervise import Condition, Reaction, Trip
 from duoglide.drives.cia402 import emergency_words
 from duoglide.storage.records import EventKind, EventRecord, Phase
 
-_CONDITIONS = tuple(Condition)
 _REACTIONS = {
     Reaction.NONE: "nothing follows",
     Reaction.STOP_ON_PATH: "stopping along the path",
@@ -29,67 +27,61 @@ _WITH_CODES = (EventKind.FAULT, EventKind.EMERGENCY)
 _BUS = (Condition.BUS, Condition.UNSENT, Condition.FOREIGN)
 
 
-def trip_of(event: EventEntry) -> Trip:
-    """Read a trip back from its event."""
-    condition, reaction = _CONDITIONS[event.detail], Reaction(int(event.value))
-    return Trip(condition, reaction, event.axis, event.code)
-
-
-def event_record(event: EventEntry) -> EventRecord:
+def describe_event(event: EventEntry) -> EventRecord:
     """Say what happened, as a log keeps it."""
     kind, text = _WRITERS[Happening(event.kind)](event)
     code = event.code if kind in _WITH_CODES else 0
     return EventRecord(kind, text, event.axis, code)
 
 
-def _order(event: EventEntry) -> tuple[EventKind, str]:
+def _describe_order(event: EventEntry) -> tuple[EventKind, str]:
     command = Command(event.detail)
     amount = f" {100.0 * event.value:g} %" if command is Command.OVERRIDE else ""
     return _ORDERS.get(command, EventKind.NOTE), command.name.lower().replace("_", " ") + amount
 
 
-def _refused(event: EventEntry) -> tuple[EventKind, str]:
+def _describe_refusal(event: EventEntry) -> tuple[EventKind, str]:
     order = Command(event.detail).name.lower()
     where = f"axis {event.axis}: " if event.axis else ""
     return EventKind.NOTE, f"{order} was refused: {where}{Refusal(event.code).words}"
 
 
-def _trip(event: EventEntry) -> tuple[EventKind, str]:
-    trip = trip_of(event)
+def _describe_trip(event: EventEntry) -> tuple[EventKind, str]:
+    trip = Trip.from_event(event)
     kind = EventKind.BUS if trip.condition in _BUS else EventKind.FAULT
     if trip.condition is Condition.PRESSED:
         kind = EventKind.QUICK_STOP
     return kind, f"{trip.words}; {_REACTIONS[trip.reaction]}"
 
 
-def _emergency(event: EventEntry) -> tuple[EventKind, str]:
+def _describe_emergency(event: EventEntry) -> tuple[EventKind, str]:
     return (
         EventKind.EMERGENCY,
         f"axis {event.axis}: emergency 0x{event.code:04X}: {emergency_words(event.code)}",
     )
 
 
-def _power(event: EventEntry) -> tuple[EventKind, str]:
+def _describe_power(event: EventEntry) -> tuple[EventKind, str]:
     reached = ", reached" if event.value else ""
     return EventKind.NOTE, f"power {Power(event.detail).name.lower()}{reached}"
 
 
-def _waited(outcome: str) -> Callable[[EventEntry], str]:
+def _describe_wait(outcome: str) -> Callable[[EventEntry], str]:
     return lambda e: f"axis {e.axis} input {e.detail} {outcome} after {e.value:.3f} s"
 
 
 _WRITERS: dict[Happening, Callable[[EventEntry], tuple[EventKind, str]]] = {
     Happening.READY: lambda e: (EventKind.NOTE, "streamer is ready"),
-    Happening.POWER: _power,
+    Happening.POWER: _describe_power,
     Happening.STARTED: lambda e: (EventKind.STARTED, f"{Phase(e.detail).name.lower()} started"),
     Happening.FINISHED: lambda e: (EventKind.FINISHED, f"finished at path time {e.value:.4f} s"),
     Happening.STOPPED: lambda e: (EventKind.STOP, f"stopped at path time {e.value:.4f} s"),
-    Happening.ORDER: _order,
-    Happening.REFUSED: _refused,
-    Happening.TRIP: _trip,
-    Happening.EMERGENCY: _emergency,
+    Happening.ORDER: _describe_order,
+    Happening.REFUSED: _describe_refusal,
+    Happening.TRIP: _describe_trip,
+    Happening.EMERGENCY: _describe_emergency,
     Happening.OUTPUT: lambda e: (EventKind.OUTPUT, f"axis {e.axis} outputs 0x{e.code:08X}"),
-    Happening.INPUT: lambda e: (EventKind.INPUT, _waited("came")(e)),
-    Happening.INPUT_TIMEOUT: lambda e: (EventKind.TIMEOUT, _waited("did not come")(e)),
+    Happening.INPUT: lambda e: (EventKind.INPUT, _describe_wait("came")(e)),
+    Happening.INPUT_TIMEOUT: lambda e: (EventKind.TIMEOUT, _describe_wait("did not come")(e)),
     Happening.LATE: lambda e: (EventKind.LATE, f"{e.value:.0f} cycles skipped to the schedule"),
 }

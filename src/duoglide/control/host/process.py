@@ -2,51 +2,31 @@
 
 Not ``multiprocessing``: that imports the user's script again in the child, and a first program of
 ten lines has no ``if __name__`` guard. The child is a fresh interpreter that inherits three
-descriptors: the ring, a socket for orders, and a socket for programs.
+descriptors: the ring, a socket for orders, and a socket for prepared setpoints.
 """
 
 from __future__ import annotations
 
 import os
-import pickle
 import socket
 import subprocess
 import sys
 import threading
 import time
-from dataclasses import dataclass
-from struct import Struct
 from typing import TYPE_CHECKING
 
-from duoglide.control.channel.orders import Command
+from duoglide.control.channel.orders import ORDER, Command, pack_object, receive_object
 from duoglide.control.channel.ring import Ring
 from duoglide.errors import BusError, DuoglideError
 
 if TYPE_CHECKING:
-    from duoglide.control.channel.orders import StreamSettings
-    from duoglide.control.channel.setpoints import Program
+    from duoglide.control.channel.orders import Assignment
+    from duoglide.control.channel.setpoints import PreparedSetpoints
 
-ORDER = Struct("<IId")
-LENGTH = Struct("<Q")
 _START_PATIENCE = 20.0  # [s] a loaded computer may take to start an interpreter
-_LOAD_PATIENCE = 5.0  # [s] for a program, beside what its size takes; the monitor waits 3 s
-_SLOWEST = 1e6  # [byte/s] at which a busy streamer, which reads between cycles, takes one over
+_LOAD_PATIENCE = 5.0  # [s] for setpoints, beside what their size takes; the monitor waits 3 s
+_SLOWEST = 1e6  # [byte/s] at which a busy streamer, which reads between cycles, takes them over
 _CLOSE_PATIENCE = 3.0
-
-
-@dataclass(frozen=True, slots=True)
-class Assignment:
-    """What the streamer is told when it starts.
-
-    Attributes:
-        bus: Name of the bus.
-        bit_rate: [bit/s].
-        settings: Of the machine.
-    """
-
-    bus: str
-    bit_rate: int
-    settings: StreamSettings
 
 
 class StreamerProcess:
@@ -105,13 +85,13 @@ class StreamerProcess:
         except OSError as error:
             raise BusError("the streamer process is gone; the drives have stopped") from error
 
-    def load(self, program: Program) -> None:
-        """Hand a program over; returns when the streamer has it.
+    def load(self, prepared: PreparedSetpoints) -> None:
+        """Hand setpoints over; returns when the streamer has them.
 
         Raises:
             BusError: The streamer is gone, or stuck.
         """
-        self._hand_over(program, _LOAD_PATIENCE)
+        self._hand_over(prepared, _LOAD_PATIENCE)
 
     def close(self) -> None:
         """End the process: politely, then firmly."""
@@ -128,12 +108,12 @@ class StreamerProcess:
 
     def _hand_over(self, thing: object, patience: float) -> None:
         """Send one pickled object and wait until the streamer says that it has it."""
-        data = pickle.dumps(thing, pickle.HIGHEST_PROTOCOL)
+        data = pack_object(thing)
         patience += len(data) / _SLOWEST
         self._bulk.settimeout(patience)
         try:
-            self._bulk.sendall(LENGTH.pack(len(data)) + data)
-            answer = receive_pickle(self._bulk)
+            self._bulk.sendall(data)
+            answer = receive_object(self._bulk)
         except TimeoutError as error:
             raise BusError(
                 f"the streamer process {self.pid} is stuck: it has not answered for {patience:.1f}"
@@ -150,24 +130,3 @@ class StreamerProcess:
         while self.alive and time.monotonic() < deadline:
             time.sleep(0.01)
         return self._process.poll()
-
-
-def receive_pickle(end: socket.socket) -> object:
-    """Read one object sent with its length before it.
-
-    Raises:
-        EOFError: The other side is gone.
-        OSError: The socket has failed, or its patience is over.
-    """
-    (length,) = LENGTH.unpack(_receive(end, LENGTH.size))
-    return pickle.loads(_receive(end, length))
-
-
-def _receive(end: socket.socket, size: int) -> bytes:
-    parts = bytearray()
-    while len(parts) < size:
-        part = end.recv(min(size - len(parts), 1 << 20))
-        if not part:
-            raise EOFError("the other side is gone")
-        parts += part
-    return bytes(parts)

@@ -1,4 +1,4 @@
-"""What a run was like."""
+"""What a run was like, and what it raises where it went wrong."""
 
 from __future__ import annotations
 
@@ -10,18 +10,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from duoglide.arrays import AXES
-from duoglide.control.channel.orders import Happening
+from duoglide.control.channel.events import Condition, Happening, Trip
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.host.happenings import event_record, trip_of
+from duoglide.control.host.happenings import describe_event
 from duoglide.control.host.history import History, HistoryTally
-from duoglide.storage.records import EventRecord, Phase
+from duoglide.errors import BusError, DriveError, DriveFault, DriveTimeout, FollowingError
+from duoglide.storage.records import EventKind, EventRecord, Phase
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from duoglide.control.channel.scale import Scales, Triple
-    from duoglide.control.streamer.supervise import Trip
+    from duoglide.control.host.fitness import LimitUse
 
+_MARKED = (EventKind.FAULT, EventKind.EMERGENCY, EventKind.TIMEOUT, EventKind.QUICK_STOP)
+_FOLLOWING = 0x8611  # emergency code: following error too large
+_ERRORS: dict[Condition, type[DriveError]] = {
+    Condition.FOLLOWING_ERROR: FollowingError,
+    Condition.NOT_FOLLOWING: FollowingError,
+    Condition.SILENT: DriveTimeout,
+    Condition.HEARTBEAT: DriveTimeout,
+    Condition.EMERGENCY: DriveFault,
+    Condition.FAULT: DriveFault,
+}
 _QUANTILES = (0.5, 0.99, 0.999, 1.0)
 
 
@@ -73,7 +84,7 @@ class RunReport:
     skipped: int
     lost: int
     following_error: Triple
-    limit_use: tuple[Triple, Triple, Triple]
+    limit_use: LimitUse
     faults: tuple[Trip, ...]
     events: tuple[tuple[float, EventRecord], ...]
     dropped: int = 0
@@ -86,21 +97,49 @@ class RunReport:
         Returns:
             A matplotlib figure; a notebook shows it, ``savefig`` writes it.
         """
-        from duoglide.control.host.report_picture import plot
+        return self._draw((7.0, 4.2))
 
-        return plot(self)
+    def _draw(self, size: tuple[float, float]) -> Figure:
+        marks = [time for time, event in self.events if event.kind in _MARKED]
+        return self.history.draw(marks, size)
 
     def _repr_html_(self) -> str:
-        from duoglide.control.host.report_picture import report_html
+        from duoglide.drawing.notebook import notebook_html
 
-        return report_html(self)
+        late = self.lateness
+        head = [
+            ("end", self._end),
+            ("duration", f"{self.duration:.3f} s"),
+            ("cycles", f"{self.cycles}, {self.skipped} left out"),
+            (
+                "lateness",
+                f"median {late.median:.0f} µs, 99 % {late.p99:.0f} µs, worst {late.worst:.0f} µs",
+            ),
+            ("feedback late or lost", f"{self.lost} frames"),
+            *(("fault", trip.words) for trip in self.faults),
+            ("log", str(self.log) if self.log is not None else "none"),
+        ]
+        names = ("velocity", "acceleration", "jerk")
+        axes = [
+            ("carriage", "1", "2", "3"),
+            ("worst following error", *(f"{value:.3f} mm" for value in self.following_error)),
+            *(
+                (f"plan's use of {name}", *(f"{100.0 * share:.1f} %" for share in row))
+                for name, row in zip(names, self.limit_use, strict=True)
+            ),
+        ]
+        figure = self._draw((5.4, 3.2)) if len(self.history.times) else None
+        return notebook_html("Run", [head, axes], figure)
+
+    @property
+    def _end(self) -> str:
+        return "completed" if self.completed else f"stopped at path time {self.path_time:.3f} s"
 
     def __repr__(self) -> str:
-        end = "completed" if self.completed else f"stopped at path time {self.path_time:.3f} s"
         faults = "".join(f", {trip.words}" for trip in self.faults)
         worst = ", ".join(f"{error:.3f}" for error in self.following_error)
         return (
-            f"RunReport({end} in {self.duration:.3f} s, {self.cycles} cycles, {self.skipped}"
+            f"RunReport({self._end} in {self.duration:.3f} s, {self.cycles} cycles, {self.skipped}"
             f" skipped, lateness median {self.lateness.median:.0f} us, worst"
             f" {self.lateness.worst:.0f} us, following error {worst} mm{faults})"
         )
@@ -132,10 +171,10 @@ class Tally:
     """Counts while a run goes on; the monitor's thread feeds it, ``report`` sums up.
 
     Attributes:
-        program: Number of the program itself; an approach has another.
+        number: Of the prepared setpoints; those of an approach have another.
     """
 
-    program: int
+    number: int
     lateness: array[int] = field(default_factory=lambda: array("q"))
     worst: list[int] = field(default_factory=lambda: [0] * AXES)
     skipped: int = 0
@@ -158,19 +197,19 @@ class Tally:
         self.history.add(entry.time, entry.following, entry.lateness)
         for axis, error in enumerate(entry.following):
             self.worst[axis] = max(self.worst[axis], abs(error))
-        if entry.run == self.program and entry.phase in (Phase.PROGRAM, Phase.STOP):
+        if entry.run == self.number and entry.phase in (Phase.PROGRAM, Phase.STOP):
             self.path_time = entry.path_time
 
     def add_event(self, event: EventEntry) -> None:
         """Keep an event."""
-        self.events.append((event.time * 1e-9, event_record(event)))
+        self.events.append((event.time * 1e-9, describe_event(event)))
         if event.kind == Happening.TRIP:
-            self.faults.append(trip_of(event))
+            self.faults.append(Trip.from_event(event))
 
     def report(
         self,
         scales: Scales,
-        limit_use: tuple[Triple, Triple, Triple],
+        limit_use: LimitUse,
         dropped: int,
         log: Path | None,
     ) -> RunReport:
@@ -192,3 +231,29 @@ class Tally:
             log=log,
             history=self.history.history(np.abs(scales.mm((1, 1, 1)))),
         )
+
+
+def require_success(report: RunReport) -> None:
+    """Raise what made a run stop; a run that its operator has stopped is no error.
+
+    Raises:
+        DriveError: A drive has failed, or the streamer could not go on; names the axis, the code
+            in words, and where the log is.
+        BusError: The bus has failed.
+    """
+    log = f"; the log is {report.log}" if report.log else ""
+    for trip in report.faults:
+        if trip.condition is not Condition.PRESSED:
+            raise _error(trip, f"stopped at path time {report.path_time:.4f} s{log}")
+    for _, event in report.events:
+        if event.kind is EventKind.TIMEOUT:
+            raise DriveTimeout(f"{event.text}{log}", axis=event.axis)
+
+
+def _error(trip: Trip, rest: str) -> DriveError | BusError:
+    message = f"{trip.words}; {rest}"
+    if trip.condition in (Condition.BUS, Condition.UNSENT, Condition.FOREIGN):
+        return BusError(message)
+    following = trip.code == _FOLLOWING
+    kind = FollowingError if following else _ERRORS.get(trip.condition, DriveError)
+    return kind(message, axis=trip.axis, code=trip.code)

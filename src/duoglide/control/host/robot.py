@@ -7,34 +7,37 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from duoglide.arrays import as_triples
-from duoglide.control.channel.setpoints import Fence, Program, prepare
-from duoglide.control.host.approach import way_to_start
-from duoglide.control.host.connected import ConnectedMachine
+from duoglide.arrays import FloatArray, as_triples, read_only
+from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
 from duoglide.control.host.connection import Connection
-from duoglide.control.host.fitness import limit_use, require_fit
+from duoglide.control.host.drivetrain import Drivetrain
+from duoglide.control.host.fitness import measure_limit_use, require_fit
 from duoglide.control.host.handle import (
     STOP_PATIENCE,
     RunHandle,
     RunPlan,
     wait_to_the_end,
 )
-from duoglide.control.host.override import require_first_override
+from duoglide.control.host.prepare import plan_approach, prepare
 from duoglide.control.host.report import RunReport
 from duoglide.control.host.run_log import RunLog
-from duoglide.errors import DriveError, DuoglideError
+from duoglide.drives.cia402 import State, decode
+from duoglide.errors import DriveError, DuoglideError, InputError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward
+from duoglide.motion.rate import require_override
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from duoglide.control.channel.events import Trip
+    from duoglide.drives.simulated import SimulatedDrives
     from duoglide.machine import Machine
     from duoglide.motion.trajectory import Trajectory
 
 
-class Robot(ConnectedMachine):
+class Robot:
     """A connected machine; a resource: use ``with Robot.connect(...) as robot``.
 
     Args:
@@ -43,9 +46,11 @@ class Robot(ConnectedMachine):
     """
 
     def __init__(self, machine: Machine, connection: Connection) -> None:
-        super().__init__(machine, connection)
+        self.machine = machine
+        self._connection = connection
+        self._drives = Drivetrain(machine, connection)
         self._run: RunHandle | None = None
-        self._number = 0  # of the newest motion
+        self._number = 0  # of the newest setpoints
         self._stops = self._stops_before = 0  # calls of stop(); how many before a run was asked for
 
     @classmethod
@@ -95,6 +100,63 @@ class Robot(ConnectedMachine):
             print(f"while closing: {error}", file=sys.stderr)
         finally:
             self._connection.close()
+
+    # What it says
+
+    @property
+    def bus(self) -> str:
+        """Name of the bus, as others can open it."""
+        return self._connection.bus
+
+    @property
+    def simulated(self) -> SimulatedDrives | None:
+        """The simulated drives of a ``virtual`` bus; None where they are somebody else's."""
+        return self._connection.simulated
+
+    @property
+    def homed(self) -> bool:
+        """Whether the drives' position reference is known."""
+        return self._drives.homed
+
+    @property
+    def enabled(self) -> bool:
+        """Whether all three drives are under power and follow setpoints."""
+        return self._drives.enabled
+
+    @property
+    def latched(self) -> tuple[Trip, ...]:
+        """What has made the machine stop since the last ``reset_fault``, in order."""
+        return self._drives.latched
+
+    @property
+    def states(self) -> tuple[State, State, State]:
+        """The CiA 402 states of the drives.
+
+        Raises:
+            DriveError: A statusword matches no state.
+        """
+        first, second, third = map(decode, self._drives.latest.statusword)
+        return first, second, third
+
+    @property
+    def carriages(self) -> FloatArray:
+        """Where the drives say that the carriages are [mm], shape (3,)."""
+        return read_only(self._drives.carriages)
+
+    @property
+    def held(self) -> FloatArray:
+        """Where the setpoints hold the carriages [mm], shape (3,)."""
+        return read_only(self._drives.held)
+
+    @property
+    def position(self) -> FloatArray:
+        """Platform centre O' in the base frame, from the carriages [mm], shape (3,).
+
+        Raises:
+            NotHomedError: The reference is not known.
+        """
+        self._drives.require_homed()
+        return forward(self.machine.geometry, self.carriages)
 
     # Power and reference
 
@@ -184,17 +246,17 @@ class Robot(ConnectedMachine):
         override: float = 1.0,
     ) -> RunHandle:
         """Begin a run and return its handle; takes and raises what ``run`` does."""
-        override = require_first_override(override)
+        override = _require_first_override(override)
         self._require_ready()
         use = require_fit(trajectory, self.machine)
-        way = way_to_start(self.machine, self._drives.held, trajectory, approach)
+        way = plan_approach(self.machine, self._drives.held, trajectory, approach)
         run_log = None
         if log is not None:
             run_log = RunLog(log, self.machine, trajectory, way, self.bus)
         fence = Fence.of(self.machine)
         first = self._load(way, fence, Phase.APPROACH) if way is not None else None
-        program = self._load(trajectory, fence, Phase.PROGRAM)
-        return self._begin(RunPlan(first, program, override, self._drives.scales, use), run_log)
+        prepared = self._load(trajectory, fence, Phase.PROGRAM)
+        return self._begin(RunPlan(first, prepared, override, self._drives.scales, use), run_log)
 
     def _require_ready(self) -> None:
         """Refuse to move what is not ready for it, and end what is over."""
@@ -278,18 +340,20 @@ class Robot(ConnectedMachine):
 
         self._require_ready()
         way = recover(self.machine, self._drives.held)
-        program = self._load(way, Fence.of(self.machine).reaching(self._drives.held), Phase.PROGRAM)
-        plan = RunPlan(None, program, 1.0, self._drives.scales, limit_use(way, self.machine))
+        held = self._drives.held
+        prepared = self._load(way, Fence.of(self.machine).extend_to(held), Phase.PROGRAM)
+        use = measure_limit_use(way, self.machine)
+        plan = RunPlan(None, prepared, 1.0, self._drives.scales, use)
         return wait_to_the_end(self._begin(plan, None))
 
     # Inside
 
-    def _load(self, motion: Trajectory, fence: Fence, phase: Phase) -> Program:
-        """Hand a motion to the streamer, every setpoint of it validated."""
+    def _load(self, trajectory: Trajectory, fence: Fence, phase: Phase) -> PreparedSetpoints:
+        """Hand a trajectory to the streamer, every setpoint of it validated."""
         self._number += 1
-        program = prepare(motion, fence, self._number, phase)
-        self._connection.process.load(program)
-        return program
+        prepared = prepare(trajectory, fence, self._number, phase)
+        self._connection.process.load(prepared)
+        return prepared
 
     def _end_run(self) -> None:
         """Stop the run that is in progress, if any, and close its log."""
@@ -298,3 +362,18 @@ class Robot(ConnectedMachine):
             if not run.done:
                 run.stop()
             run.wait(STOP_PATIENCE)
+
+
+def _require_first_override(override: object) -> float:
+    """Return what a run may begin with, above 0 to 1; at 0 it would never end.
+
+    Raises:
+        InputError: It is not.
+    """
+    value = require_override(override)
+    if value == 0.0:
+        raise InputError(
+            "override = 0: the run would never end; begin above 0, to 1 (the planned speed)."
+            " set_override(0) and hold() halt a run that has begun"
+        )
+    return value

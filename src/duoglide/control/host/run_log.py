@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.host.happenings import event_record
+from duoglide.control.host.happenings import describe_event
 from duoglide.drives.linear_axis import eds_sha256
 from duoglide.storage import CycleRecord, Document, LogKind, LogWriter, Topic
 from duoglide.storage.paths import as_path
@@ -88,7 +88,7 @@ class RunLog:
 
     def add_event(self, event: EventEntry) -> None:
         """Write an event; it is on disk soon, for it may be the last."""
-        self._writer.write(Topic.EVENT, event.time * 1e-9, event_record(event))
+        self._writer.write(Topic.EVENT, event.time * 1e-9, describe_event(event))
         self._writer.flush()
 
     def add_report(self, report: RunReport) -> None:

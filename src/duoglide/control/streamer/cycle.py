@@ -7,34 +7,61 @@ process never reacts to a frame by sending one. The setpoint that follows acts a
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
-from duoglide.control.channel.orders import (
-    Command,
-    Happening,
-    Inbox,
-    Outbox,
-    Refusal,
-    StreamSettings,
-)
+from duoglide.control.channel.events import Happening, Reaction, Refusal, RunState
+from duoglide.control.channel.orders import Command, Order, Power, StreamSettings
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.streamer.follower import OVER, Motion, MotionState
-from duoglide.control.streamer.path_actions import PathActions
-from duoglide.control.streamer.power import Departure, Power, all_in, controlword
-from duoglide.control.streamer.supervise import Condition, Reaction
-from duoglide.control.streamer.watch import Watch
+from duoglide.control.streamer.follower import OVER, Follower, PathActions
+from duoglide.control.streamer.power import Departure, all_in, controlword
+from duoglide.control.streamer.supervise import Watch
 from duoglide.control.streamer.wire import Wire
 from duoglide.drives.cia402 import State
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
     from duoglide.control.channel.scale import IntTriple
+    from duoglide.control.channel.setpoints import PreparedSetpoints
     from duoglide.control.streamer.link import Link
 
 SETPOINT_DELAY = 2  # cycles from the SYNC that a setpoint follows to the SYNC when it is reached
-DRIVES_BRIDGE = 1  # cycle without a setpoint, at the velocity of the one before; then they brake
+DRIVES_BRIDGE = 1  # cycle without a setpoint, at the velocity of the one before; then they stop
 _ZEROS: IntTriple = (0, 0, 0)
-_CONDITIONS = {condition: index for index, condition in enumerate(Condition)}
+
+
+class Inbox(Protocol):
+    """Where the host's orders come from."""
+
+    def orders(self) -> Sequence[Order]:
+        """Return the orders that have come, without waiting."""
+        ...
+
+    def prepared(self, number: int) -> PreparedSetpoints | None:
+        """Return setpoints that have been handed over; None if they have not."""
+        ...
+
+    @property
+    def host_gone(self) -> bool:
+        """Whether the host process has ended."""
+        ...
+
+
+class Outbox(Protocol):
+    """Where records go: a ``Ring``, or a list in tests."""
+
+    def put_cycle(self, entry: CycleEntry) -> None:
+        """Keep the record of a cycle."""
+        ...
+
+    def put_event(self, entry: EventEntry) -> None:
+        """Keep the record of an event."""
+        ...
+
+    @property
+    def signs_of_life(self) -> int:
+        """A number that changes while somebody reads."""
+        ...
 
 
 class Streamer:
@@ -48,7 +75,7 @@ class Streamer:
 
     Attributes:
         done: Whether it was told to end, or has nothing to end for.
-        standstill: See ``loop.Cyclic``.
+        standstill: See ``clock.Cyclic``.
     """
 
     def __init__(self, link: Link, settings: StreamSettings, inbox: Inbox, outbox: Outbox) -> None:
@@ -57,10 +84,11 @@ class Streamer:
         self._wire = Wire(link, settings)
         self._tracks = self._wire.tracks
         self._watch = Watch(settings.policy)
-        self._motion: Motion | None = None
+        self._follower: Follower | None = None
         self._setpoint, self._words = _ZEROS, _ZEROS
         self._sent = deque([_ZEROS] * (SETPOINT_DELAY + 1), SETPOINT_DELAY + 1)
-        self._pace = (0.0, 0.0, Phase.HOLD, MotionState.NONE)  # path time, rate, of this cycle
+        self._path_time = self._rate = 0.0
+        self._phase, self._state = Phase.HOLD, RunState.NONE
         self._actions = PathActions(self._wire, self.tell)
         self._power, self._enabled = Power.SILENT, False
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
@@ -69,7 +97,7 @@ class Streamer:
         self.standstill = 0
 
     def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
-        """Do one cycle; see ``loop.Cyclic``."""
+        """Do one cycle; see ``clock.Cyclic``."""
         self._wire.begin(number, self._cycle)
         self._wire.listen(1 + skipped)
         if self._cycle:
@@ -98,7 +126,6 @@ class Streamer:
             due if self._enabled and track.certain else track.actual
             for due, track in zip(self._sent[0], self._tracks, strict=True)
         )
-        path_time, rate, phase, state = self._pace
         lost = (first.missing > 0) | (second.missing > 0) << 1 | (third.missing > 0) << 2
         self._outbox.put_cycle(
             CycleEntry(  # in order, not by name: half the time
@@ -106,16 +133,16 @@ class Streamer:
                 self._time,
                 self._lateness,
                 self._skipped,
-                path_time,
-                rate,
+                self._path_time,
+                self._rate,
                 self._setpoint,
                 actual,
                 (actual[0] - a, actual[1] - b, actual[2] - c),
                 self._words,
                 (first.statusword, second.statusword, third.statusword),
-                phase,
+                self._phase,
                 lost,
-                state,
+                self._state,
                 self._power,
                 self._run,
             )
@@ -136,27 +163,27 @@ class Streamer:
             self.done = True
         elif order is Command.STANDSTILL:
             self.standstill = round(value * 1e9)
-            self._watch.policy = self._settings.policy_standing_still(value)
+            self._watch.policy = self._settings.allow_standstill(value)
         elif order is Command.QUICK_STOP:
             self._watch.seen.pressed = True
-        elif self._motion is not None:
-            self._pace_motion(self._motion, order, value)
+        elif self._follower is not None:
+            self._change_pace(self._follower, order, value)
 
-    def _pace_motion(self, motion: Motion, order: Command, value: float) -> None:
+    def _change_pace(self, follower: Follower, order: Command, value: float) -> None:
         if order is Command.HOLD:
-            motion.hold()
+            follower.hold()
         elif order is Command.RESUME:
-            motion.resume()
+            follower.resume()
         elif order is Command.OVERRIDE:
-            motion.set_override(value)
+            follower.set_override(value)
         elif order is Command.STOP:
-            motion.stop()
+            follower.stop()
         self.tell(Happening.ORDER, detail=order, value=value)
 
     def _switch(self, power: Power) -> None:
         """Change the goal of the drives' power; what is latched forbids to switch it on."""
         on = power in (Power.ON, Power.HOMING)
-        if self._motion is not None:
+        if self._follower is not None:
             self._refuse(Command.POWER, Refusal.BUSY)
             return
         if on and self._watch.reaction is not Reaction.NONE:
@@ -167,21 +194,21 @@ class Streamer:
         self.tell(Happening.POWER, detail=power, value=float(self._enabled))
 
     def _start(self, number: int, override: float) -> None:
-        """Begin a program, if everything is as it must be; tell if it is not."""
-        program = self._inbox.program(number)
-        if program is None:
+        """Begin a run, if everything is as it must be; tell if it is not."""
+        prepared = self._inbox.prepared(number)
+        if prepared is None:
             self._refuse(Command.RUN, Refusal.NOT_LOADED)
         elif not self._enabled or self._power is not Power.ON:
             self._refuse(Command.RUN, Refusal.NOT_ENABLED)
         elif self._watch.reaction is not Reaction.NONE:
             self._refuse(Command.RUN, Refusal.LATCHED)
-        elif self._motion is not None:
+        elif self._follower is not None:
             self._refuse(Command.RUN, Refusal.BUSY)
-        elif axis := program.fence.refuses(program.first, self._setpoint):
+        elif axis := prepared.fence.refuses(prepared.first, self._setpoint):
             self._refuse(Command.RUN, Refusal.ELSEWHERE, axis)
         else:
-            self._motion, self._run = Motion(program, override), number
-            self.tell(Happening.STARTED, detail=program.phase, value=number)
+            self._follower, self._run = Follower(prepared, override), number
+            self.tell(Happening.STARTED, detail=prepared.phase, value=number)
 
     def _refuse(self, order: Command, reason: Refusal, axis: int = 0) -> None:
         self.tell(Happening.REFUSED, axis=axis, detail=order, code=reason)
@@ -197,7 +224,7 @@ class Streamer:
                 self.tell(Happening.EMERGENCY, axis=number, code=code)
         watch.see_axes(self._tracks, self._sent[0] if self._enabled else None)
         watch.see_time(self._skipped, self._outbox.signs_of_life)
-        seen.moving = self._motion is not None
+        seen.moving = self._follower is not None
         seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign
         seen.host_gone = self._inbox.host_gone
         if self._power is not Power.SILENT:
@@ -209,66 +236,62 @@ class Streamer:
     def _judge(self) -> None:
         """React to what is met for the first time, and only ever more strongly."""
         before = self._watch.reaction
-        for trip in self._watch.news():
-            detail = _CONDITIONS[trip.condition]
-            self.tell(Happening.TRIP, trip.axis, detail, trip.code, float(trip.reaction))
+        for trip in self._watch.find_new_trips():
+            self.tell(Happening.TRIP, *trip.to_fields())
         reaction = self._watch.reaction
         if reaction is before:
             return
         if reaction is Reaction.QUICK_STOP:
-            self._end_motion(Happening.STOPPED)
+            self._end_run(Happening.STOPPED)
             self._power, self._enabled = Power.QUICK_STOP, False
-        elif self._motion is not None:
-            self._motion.stop()
+        elif self._follower is not None:
+            self._follower.stop()
 
-    def _end_motion(self, kind: Happening) -> None:
-        if self._motion is not None:
-            self.tell(kind, value=self._motion.path_time)
-            self._motion = None
+    def _end_run(self, kind: Happening) -> None:
+        if self._follower is not None:
+            self.tell(kind, value=self._follower.path_time)
+            self._follower = None
 
     def _leave(self) -> None:
         """The host is gone and everything stands: power off, wait for the drives, end."""
         seconds = (1 + self._skipped) * self._settings.cycle * 1e-9
-        braking = self._watch.reaction is Reaction.QUICK_STOP
-        if self._departure.may_switch_off(seconds, braking):
+        quick_stop = self._watch.reaction is Reaction.QUICK_STOP
+        if self._departure.may_switch_off(seconds, quick_stop):
             self._power, self._enabled = Power.OFF, False
         self.done = self._departure.is_over(self._power, self._tracks)
 
     # Setpoints
 
     def _move(self) -> None:
-        if self._motion is not None:
-            self._advance(self._motion)
+        if self._follower is not None:
+            self._advance(self._follower)
             return
-        self._pace = (self._pace[0], 0.0, Phase.HOLD, MotionState.NONE)
+        self._rate, self._phase, self._state = 0.0, Phase.HOLD, RunState.NONE
         self._stand()
         if self._watch.seen.host_gone:
             self._leave()
 
-    def _advance(self, motion: Motion) -> None:
-        """Take the motion's next setpoint.
+    def _advance(self, follower: Follower) -> None:
+        """Take the run's next setpoint.
 
         A gap is bridged as far as the drives have gone on through it, unless it is why we stop;
         whoever made up for a longer one would have them leap.
         """
         gap = 0 if self._watch.too_late else min(self._skipped, DRIVES_BRIDGE)
-        target = motion.advance(1 + gap)
-        refused = motion.program.fence.refuses(target, self._setpoint, 1 + gap)
+        target = follower.advance(1 + gap)
+        refused = follower.prepared.fence.refuses(target, self._setpoint, 1 + gap)
         if refused:
             self._watch.seen.refused = refused
             self._judge()
             return
         self._setpoint = target
-        state = motion.state
-        stopping = state in (MotionState.STOPPING, MotionState.STOPPED)
-        phase = Phase.STOP if stopping else motion.program.phase
-        self._pace = (motion.path_time, motion.rate, phase, state)
-        self._actions.carry_out(motion)
+        self._path_time, self._rate = follower.path_time, follower.rate
+        self._state = state = follower.state
+        stopping = state in (RunState.STOPPING, RunState.STOPPED)
+        self._phase = Phase.STOP if stopping else follower.prepared.phase
+        self._actions.carry_out(follower)
         if state in OVER:
-            finished = state is MotionState.FINISHED
-            kind = Happening.FINISHED if finished else Happening.STOPPED
-            self.tell(kind, value=motion.path_time)
-            self._motion = None
+            self._end_run(Happening.FINISHED if state is RunState.FINISHED else Happening.STOPPED)
 
     def _stand(self) -> None:
         """Hold the setpoints of drives that follow them; elsewhere keep to the actual position.

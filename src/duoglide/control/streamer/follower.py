@@ -1,78 +1,57 @@
-"""A program under way: which setpoint comes next, and what the operator made of its pace."""
+"""Prepared setpoints under way: which is next, at what pace, and what the path asks for there."""
 
 from __future__ import annotations
 
-from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
-from duoglide.control.channel.setpoints import Program
+from duoglide.arrays import AXES
+from duoglide.control.channel.events import Happening, RunState
 from duoglide.motion.rate import ClockState, PathClock
 
 if TYPE_CHECKING:
     from duoglide.control.channel.scale import IntTriple
+    from duoglide.control.channel.setpoints import PreparedSetpoints
+    from duoglide.control.streamer.wire import Wire
     from duoglide.motion.actions import SetOutput, WaitInput
 
-
-class MotionState(IntEnum):
-    """What a motion is doing."""
-
-    NONE = 0
-    RUNNING = 1
-    WAITING = 2
-    HOLDING = 3
-    HELD = 4
-    STOPPING = 5
-    STOPPED = 6
-    FINISHED = 7
+_RUN_STATES = {state: RunState[state.name] for state in ClockState}
+OVER = (RunState.STOPPED, RunState.FINISHED)
 
 
-_OF_CLOCK = {
-    ClockState.RUNNING: MotionState.RUNNING,
-    ClockState.HOLDING: MotionState.HOLDING,
-    ClockState.HELD: MotionState.HELD,
-    ClockState.STOPPING: MotionState.STOPPING,
-    ClockState.STOPPED: MotionState.STOPPED,
-    ClockState.FINISHED: MotionState.FINISHED,
-}
-OVER = (MotionState.STOPPED, MotionState.FINISHED)
-
-
-class Motion:
-    """One program in progress; ``advance`` once a cycle.
+class Follower:
+    """Goes along prepared setpoints; ``advance`` once a cycle.
 
     Args:
-        program: What to run.
+        prepared: What to follow.
         override: Rate to begin with, 0 to 1.
+
+    Attributes:
+        prepared: As given.
+        path_time: Of the newest setpoint [s].
+        rate: Path time per time.
+        waited: How long the wait at hand has lasted [s].
     """
 
-    def __init__(self, program: Program, override: float) -> None:
-        self.program = program
-        self.path_time = 0.0
-        self.rate = 0.0
-        self._setpoint = program.first
-        self._leg = 0
+    def __init__(self, prepared: PreparedSetpoints, override: float) -> None:
+        self.prepared = prepared
+        self.path_time = self.rate = self.waited = 0.0
+        self._setpoint = prepared.first
+        self._stretch, self._later = prepared.stretches[0], iter(prepared.stretches[1:])
         self._switched = 0
-        self._waited = 0.0
-        self._waiting = False
-        self._stopped = False
-        self._clock = PathClock(program.bounds, program.cycle, override=override)
+        self._waiting = self._stopped = False
+        self._clock = PathClock(prepared.trajectory.stops, prepared.cycle, override=override)
 
     @property
-    def state(self) -> MotionState:
-        """What the motion is doing."""
+    def state(self) -> RunState:
+        """What the run is doing."""
         if self._stopped:
-            return MotionState.STOPPED
-        return MotionState.WAITING if self._waiting else _OF_CLOCK[self._clock.state]
+            return RunState.STOPPED
+        return RunState.WAITING if self._waiting else _RUN_STATES[self._clock.state]
 
     @property
     def wait(self) -> WaitInput | None:
-        """What the motion waits for; None while it does not."""
-        return self.program.legs[self._leg].wait if self._waiting else None
-
-    @property
-    def waited(self) -> float:
-        """How long it has waited [s]."""
-        return self._waited
+        """What the run waits for; None while it does not."""
+        return self._stretch.wait if self._waiting else None
 
     def hold(self) -> None:
         """Come to rest on the path until ``resume``."""
@@ -91,27 +70,25 @@ class Motion:
         self._clock.stop()
         self._stopped = self._stopped or self._waiting
 
-    def go_on(self) -> None:
-        """End the wait: the next leg begins at the next ``advance``."""
+    def end_wait(self) -> None:
+        """Let the next stretch begin at the next ``advance``."""
         before = self._clock
-        start = self.program.legs[self._leg].end
-        self._clock = PathClock(
-            self.program.bounds, self.program.cycle, start=start, override=before.override
-        )
+        stops, cycle = self.prepared.trajectory.stops, self.prepared.cycle
+        self._clock = PathClock(stops, cycle, start=self._stretch.end, override=before.override)
         if before.state in (ClockState.HOLDING, ClockState.HELD):
             self._clock.hold()
-        self._waiting, self._waited, self._leg = False, 0.0, self._leg + 1
+        self._waiting, self.waited, self._stretch = False, 0.0, next(self._later)
 
     def advance(self, cycles: int = 1) -> IntTriple:
         """Let ``cycles`` pass and return the setpoint for now [increments]."""
         if self._waiting or self._stopped:
-            self._waited += cycles * self.program.cycle
+            self.waited += cycles * self.prepared.cycle
             return self._setpoint
-        leg = self.program.legs[self._leg]
-        u, self.rate = self._clock.step(cycles * self.program.cycle)
-        if u >= leg.end:
-            u = leg.end
-            if leg.wait is not None:
+        stretch = self._stretch
+        u, self.rate = self._clock.step(cycles * self.prepared.cycle)
+        if u >= stretch.end:
+            u = stretch.end
+            if stretch.wait is not None:
                 self._waiting, self.rate = True, 0.0
                 self._stopped = self._clock.state in (ClockState.STOPPING, ClockState.STOPPED)
         if u != self.path_time:
@@ -119,17 +96,62 @@ class Motion:
             self._setpoint = self._at(u)
         return self._setpoint
 
-    def due(self) -> list[SetOutput]:
+    def take_outputs(self) -> list[SetOutput]:
         """Return the outputs whose path time has come since the last call."""
-        outputs, first = self.program.outputs, self._switched
-        while self._switched < len(outputs) and outputs[self._switched][0] <= self.path_time:
+        outputs, first = self.prepared.outputs, self._switched
+        while self._switched < len(outputs) and outputs[self._switched].time <= self.path_time:
             self._switched += 1
-        return [output for _, output in outputs[first : self._switched]]
+        return [timed.output for timed in outputs[first : self._switched]]
 
     def _at(self, u: float) -> IntTriple:
         """Return the setpoint at ``u``: from the validated grid where u is on it."""
-        leg, cycle = self.program.legs[self._leg], self.program.cycle
-        k = round((u - leg.start) / cycle)
-        if k < len(leg.grid) - 1 and leg.start + k * cycle == u:
-            return leg.grid[k]
-        return leg.grid[-1] if u == leg.end else self.program.setpoint(u)
+        stretch, cycle = self._stretch, self.prepared.cycle
+        k = round((u - stretch.start) / cycle)
+        if k < len(stretch.grid) - 1 and stretch.start + k * cycle == u:
+            return stretch.grid[k]
+        return stretch.grid[-1] if u == stretch.end else self.prepared.at(u)
+
+
+class Tell(Protocol):
+    """Records an event of this cycle."""
+
+    def __call__(
+        self, kind: Happening, axis: int = 0, detail: int = 0, code: int = 0, value: float = 0.0
+    ) -> None:
+        """Record it."""
+
+
+class PathActions:
+    """The drives' outputs and inputs, as a path uses them.
+
+    Args:
+        wire: Where outputs go and inputs come from.
+        tell: Records what was done.
+    """
+
+    def __init__(self, wire: Wire, tell: Tell) -> None:
+        self._wire = wire
+        self._tell = tell
+        self._outputs = [0] * AXES
+
+    def set_outputs(self, axis: int, word: int) -> None:
+        """Set 0x60FE:1 of one axis (index) with the frames of this cycle."""
+        self._outputs[axis] = word
+        self._wire.set_outputs(axis, word)
+        self._tell(Happening.OUTPUT, axis=axis + 1, code=word)
+
+    def carry_out(self, follower: Follower) -> None:
+        """Do what the path asks for here: outputs, and the end of waits."""
+        for action in follower.take_outputs():
+            axis = action.axis - 1
+            mask = 1 << action.bit
+            word = self._outputs[axis] | mask if action.value else self._outputs[axis] & ~mask
+            self.set_outputs(axis, word)
+        if (wait := follower.wait) is None:
+            return
+        if bool(self._wire.tracks[wait.axis - 1].inputs >> wait.bit & 1) == wait.value:
+            self._tell(Happening.INPUT, wait.axis, wait.bit, value=follower.waited)
+            follower.end_wait()
+        elif follower.waited >= wait.timeout:
+            self._tell(Happening.INPUT_TIMEOUT, wait.axis, wait.bit, value=follower.waited)
+            follower.stop()

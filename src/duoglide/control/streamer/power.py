@@ -3,26 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
 
+from duoglide.control.channel.orders import Power
 from duoglide.control.streamer.tracks import AxisTrack
 from duoglide.drives.cia402 import Control, State, controlword_towards
 
-_BRAKING = 0.5  # [s] that drives get for a quick stop before their power is taken
-_LEAVING = 1.0  # [s] that drives get to switch off once the host is gone
+_QUICK_STOP_TIME = 0.5  # [s] that drives get for a quick stop before their power is taken
+_SWITCH_OFF_TIME = 1.0  # [s] that drives get to switch off once the host is gone
 _RESET_PERIOD = 16  # cycles: half of them with bit 7, half without, so that an edge comes again
-
-
-class Power(IntEnum):
-    """What the streamer wants of the drives' power."""
-
-    SILENT = 0  # no setpoints are sent; somebody else may write controlwords
-    OFF = 1
-    ON = 2
-    HOMING = 3  # on, with bit 4: in homing mode, go
-    QUICK_STOP = 4
-    RESET = 5  # rising edges of bit 7 to whoever is in fault
-
 
 _ONE_DOWN = {
     State.OPERATION_ENABLED: State.SWITCHED_ON,
@@ -74,12 +62,12 @@ class Departure:
     def __init__(self) -> None:
         self._seconds = 0.0
 
-    def may_switch_off(self, seconds: float, braking: bool) -> bool:
-        """Let time pass [s]; whether drives that may be braking by themselves have had theirs."""
+    def may_switch_off(self, seconds: float, quick_stop: bool) -> bool:
+        """Let time pass [s]; whether drives in a quick stop have had the time that it takes."""
         self._seconds += seconds
-        return not braking or self._seconds > _BRAKING
+        return not quick_stop or self._seconds > _QUICK_STOP_TIME
 
     def is_over(self, power: Power, tracks: Sequence[AxisTrack]) -> bool:
         """Whether all are off, or have had all the time that they get."""
         off = power is Power.OFF and all_in(tracks, State.SWITCH_ON_DISABLED)
-        return off or self._seconds > _BRAKING + _LEAVING
+        return off or self._seconds > _QUICK_STOP_TIME + _SWITCH_OFF_TIME

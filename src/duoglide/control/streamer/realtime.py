@@ -11,12 +11,12 @@ from dataclasses import dataclass
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT_AND_FUTURE = 3
 _PRIORITY = 60  # above ordinary FIFO threads of the kernel's interrupts (50), below its watchdogs
-_SWITCH_INTERVAL = 0.0002  # [s] a thread that loads a program must not hold the cycle up for 5 ms
+_SWITCH_INTERVAL = 0.0002  # [s] a thread that loads setpoints must not hold the cycle up for 5 ms
 
 
 @dataclass(frozen=True, slots=True)
-class Granted:
-    """What the kernel granted.
+class Privileges:
+    """What the kernel has granted.
 
     Attributes:
         fifo: The thread runs under SCHED_FIFO.
@@ -28,8 +28,12 @@ class Granted:
     locked: bool
     slack: bool
 
+    def to_bits(self) -> int:
+        """Return what the event of readiness carries: ``fifo`` in bit 0, and so on."""
+        return self.fifo | self.locked << 1 | self.slack << 2
 
-def become_realtime() -> Granted:
+
+def become_realtime() -> Privileges:
     """Prepare the calling thread for the cycle; what is refused is reported, not raised.
 
     Threads that exist already keep their policy. Call this after everything is loaded: the garbage
@@ -43,7 +47,7 @@ def become_realtime() -> Granted:
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    return Granted(fifo=fifo, locked=locked, slack=slack)
+    return Privileges(fifo=fifo, locked=locked, slack=slack)
 
 
 def become_helper() -> None:

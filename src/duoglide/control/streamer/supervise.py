@@ -1,7 +1,7 @@
-"""When and how to stop: a pure policy, from what one cycle saw to what must happen.
+"""When and how to stop: from what one cycle saw to what must happen, and what is latched.
 
-The streamer fills an ``Observation`` every cycle and asks ``assess``. Nothing here knows a bus, a
-clock or a process, so every row of the table can be tested by itself.
+``Watch`` fills an ``Observation`` every cycle and asks ``assess``, a pure policy. Nothing here
+knows a bus, a clock or a process, so every row of the table can be tested by itself.
 
 Two stops exist. A *stop on the path* slows the path time down: all three carriages come to rest
 together on the planned curve. It needs three drives that follow setpoints. Where one does not, a
@@ -13,84 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from enum import Enum, IntEnum
+from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
-from duoglide.drives.cia402 import State, Status, emergency_words
+from duoglide.control.channel.events import Condition, Reaction, Trip
+from duoglide.control.channel.orders import Policy
+from duoglide.control.streamer.tracks import AxisTrack, AxisView
+from duoglide.drives.cia402 import State, Status
 from duoglide.drives.pdo import NmtState
 
-
-class Reaction(IntEnum):
-    """What to do, the milder first; a reaction under way only ever gets stronger."""
-
-    NONE = 0
-    STOP_ON_PATH = 1
-    STOP_AND_DISABLE = 2  # stop on the path, then take the power off in order
-    QUICK_STOP = 3
-
-
-class Condition(Enum):
-    """What can go wrong; the value says it in words."""
-
-    EMERGENCY = "emergency message"
-    FAULT = "drive in fault"
-    UNDEFINED = "statusword matches no state"
-    NOT_ENABLED = "drive has left operation enabled by itself"
-    FOLLOWING_ERROR = "following error"
-    NOT_FOLLOWING = "drive does not follow its setpoints"
-    LIMIT = "drive's internal limit is active"
-    SILENT = "no feedback"
-    HEARTBEAT = "no heartbeat"
-    NMT = "drive is not operational"
-    BOOT_UP = "drive has rebooted; its position reference is lost"
-    LATE = "late cycles in a row"
-    UNSENT = "frames could not be sent"
-    BUS = "bus has failed"
-    HOST_GONE = "host process is gone"
-    HOST_SILENT = "host process does not answer"
-    REFUSED = "setpoint outside travel or step limit"
-    PRESSED = "quick stop was commanded"
-    FOREIGN = "another host commands the drives"
-
-
-@dataclass(frozen=True, slots=True)
-class Policy:
-    """How much is bridged before it counts.
-
-    Attributes:
-        missing: Feedbacks missing in a row, of one drive while another answers; or cycles in a
-            row in which it bounds what it is asked for.
-        silence: Feedbacks missing in a row, of all drives.
-        late: Late cycles in a row.
-        unsent: Cycles in a row whose frames could not be sent.
-        heartbeat: Age of a drive's last heartbeat [cycles].
-        following: Following error per axis [increments].
-        host: Age of the parent's last sign of life [cycles].
-    """
-
-    heartbeat: int
-    following: tuple[int, int, int]
-    host: int
-    missing: int = 3
-    silence: int = 3
-    late: int = 3
-    unsent: int = 3
-
-
-@dataclass(slots=True)
-class AxisView:
-    """What a cycle saw of one drive; written anew every cycle, never kept."""
-
-    state: State | None = State.SWITCH_ON_DISABLED
-    statusword: int = 0
-    emergency: int = 0
-    following: int = 0
-    missing: int = 0
-    alone: int = 0  # of those missing, while another drive answered
-    heartbeat: int = 0
-    limited: int = 0  # cycles in a row with bit 11
-    nmt: int = NmtState.OPERATIONAL
-    booted: bool = False
+if TYPE_CHECKING:
+    from duoglide.control.channel.scale import IntTriple
 
 
 @dataclass(slots=True)
@@ -122,30 +55,6 @@ class Observation:
     refused: int = 0
     pressed: bool = False
     foreign: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Trip:
-    """A condition that was met, and the reaction to it.
-
-    Attributes:
-        condition: What.
-        reaction: What follows.
-        axis: Which carriage, 1 to 3; 0 for all.
-        code: CiA 301 emergency error code, 0 for none.
-    """
-
-    condition: Condition
-    reaction: Reaction
-    axis: int = 0
-    code: int = 0
-
-    @property
-    def words(self) -> str:
-        """Say it: axis, condition, code in words."""
-        where = f"axis {self.axis}: " if self.axis else ""
-        code = f" 0x{self.code:04X}: {emergency_words(self.code)}" if self.code else ""
-        return f"{where}{self.condition.value}{code}"
 
 
 _FOLLOWING_ERROR = int(Status.FOLLOWING_ERROR)  # plain numbers: an IntFlag's & costs 1.5 us
@@ -217,3 +126,69 @@ _NOT_ENABLED: dict[State | None, Condition] = {
     State.FAULT: Condition.FAULT,
     State.FAULT_REACTION_ACTIVE: Condition.FAULT,
 }
+
+
+class Watch:
+    """Fills in an observation every cycle, and latches what has tripped.
+
+    Args:
+        policy: What is bridged, and for how long.
+
+    Attributes:
+        policy: As given; it may be replaced.
+        seen: Of this cycle.
+        reaction: The strongest that is latched.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.seen = Observation()
+        self.reaction = Reaction.NONE
+        self.policy = policy
+        self._told: set[tuple[Condition, int, int]] = set()
+        self._life = 0
+
+    @property
+    def too_late(self) -> bool:
+        """Whether so many cycles in a row are late that the run must stop."""
+        return self.seen.late >= self.policy.late
+
+    def see_axes(self, tracks: tuple[AxisTrack, ...], due: IntTriple | None) -> None:
+        """Note what the drives said.
+
+        Args:
+            tracks: Of the drives.
+            due: Setpoints that they should have reached; None while they are not enabled.
+        """
+        for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
+            track.fill(view)
+            # an old position proves nothing, and after a gap the answer may be to an earlier SYNC
+            known = due is not None and track.settled
+            view.following = abs(track.actual - due[index]) if due and known else 0
+            if track.homing:
+                view.statusword = view.following = 0  # bits 12 and 13 mean something else there
+        self.seen.enabled = due is not None
+
+    def see_time(self, skipped: int, life: int) -> None:
+        """Note how late this cycle is, and whether the host has read since the last one."""
+        seen = self.seen
+        seen.late = seen.late + skipped if skipped else 0
+        seen.host = seen.host + 1 + skipped if life == self._life else 0
+        self._life = life
+
+    def see_sending(self, failed: bool) -> None:
+        """Note whether this cycle's frames could be sent."""
+        self.seen.unsent = self.seen.unsent + 1 if failed else 0
+
+    def find_new_trips(self) -> Iterator[Trip]:
+        """Yield what is met for the first time, and let the reaction grow with it."""
+        for trip in assess(self.seen, self.policy):
+            self.reaction = max(self.reaction, trip.reaction)
+            key = (trip.condition, trip.axis, trip.code)
+            if key not in self._told:
+                self._told.add(key)
+                yield trip
+
+    def forget(self) -> None:
+        """Drop what is latched, on purpose."""
+        self._told.clear()
+        self.reaction = Reaction.NONE

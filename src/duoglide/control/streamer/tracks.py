@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from dataclasses import dataclass
 
-from duoglide.control.streamer.link import Frame, is_fatal
-from duoglide.control.streamer.supervise import AxisView
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode, State, Status
 from duoglide.drives.cia402 import decode as decode_state
@@ -15,6 +13,22 @@ from duoglide.errors import DriveError
 _LIMIT = int(Status.INTERNAL_LIMIT_ACTIVE)  # a plain number: an IntFlag's & costs 1.5 us
 _NO_NMT = -1
 _SETTLING = 3  # cycles with feedback after which it surely answers the SYNC before
+
+
+@dataclass(slots=True)
+class AxisView:
+    """What a cycle saw of one drive; written anew every cycle, never kept."""
+
+    state: State | None = State.SWITCH_ON_DISABLED
+    statusword: int = 0
+    emergency: int = 0
+    following: int = 0
+    missing: int = 0
+    alone: int = 0  # of those missing, while another drive answered
+    heartbeat: int = 0
+    limited: int = 0  # cycles in a row with bit 11
+    nmt: int = pdo.NmtState.OPERATIONAL
+    booted: bool = False
 
 
 class AxisTrack:
@@ -133,43 +147,3 @@ class AxisTrack:
         view.booted, self.boots = self.boots > 0, 0
         view.emergency = next((code for code in self.emergencies if code), 0)
         self.emergencies.clear()
-
-
-class Dispatch:
-    """Hands received frames to the tracks of three drives.
-
-    Args:
-        node_ids: Of the drives, in the order of the carriages.
-        ours: Identifiers that nobody but this process may send.
-
-    Attributes:
-        tracks: Of the drives.
-        foreign: Whether somebody else has sent one of ``ours``.
-        bus_failed: Whether the controller is bus-off or error-passive.
-        error_frames: How many have come.
-    """
-
-    def __init__(self, node_ids: Iterable[int], ours: Iterable[int] = ()) -> None:
-        self.foreign = False
-        self.tracks = tuple(AxisTrack() for _ in node_ids)
-        self.bus_failed = False
-        self.error_frames = 0
-        self._handlers = dict.fromkeys(ours, self._notice_foreigner)
-        for node, track in zip(node_ids, self.tracks, strict=True):
-            self._handlers[pdo.TPDO1 + node] = track.on_feedback
-            self._handlers[pdo.TPDO2 + node] = track.on_inputs
-            self._handlers[pdo.EMCY + node] = track.on_emergency
-            self._handlers[pdo.HEARTBEAT + node] = track.on_heartbeat
-
-    def _notice_foreigner(self, data: bytes) -> None:
-        self.foreign = True
-
-    def take(self, frames: Iterable[Frame]) -> None:
-        """Read frames in the order in which they came; strangers are passed over."""
-        for identifier, data in frames:
-            handler = self._handlers.get(identifier)
-            if handler is not None:
-                handler(data)
-            elif identifier == pdo.ERROR_FRAME:
-                self.error_frames += 1
-                self.bus_failed = self.bus_failed or is_fatal(data)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from duoglide.control.streamer.tracks import AxisTrack, Dispatch
+from duoglide.control.streamer.link import is_fatal
+from duoglide.control.streamer.tracks import AxisTrack
 from duoglide.drives import pdo
 from duoglide.errors import BusError
 
@@ -28,6 +29,8 @@ class Wire:
     Attributes:
         tracks: What has been heard of each drive.
         unsent: Whether a frame of this cycle was not taken.
+        failed: Whether the link is dead, or its controller is bus-off or error-passive.
+        foreign: Whether somebody else has commanded the drives since the cycle before.
     """
 
     def __init__(self, link: Link, settings: StreamSettings) -> None:
@@ -36,24 +39,19 @@ class Wire:
         self._every = settings.heartbeat_every
         self._setpoint_ids = tuple(pdo.RPDO1 + node for node in settings.node_ids)
         beat = (pdo.HEARTBEAT + settings.host_node, bytes((pdo.NmtState.OPERATIONAL,)))
+        self.tracks = tuple(AxisTrack() for _ in settings.node_ids)
         ours = () if link.echoes else (pdo.SYNC, beat[0], *self._setpoint_ids)
-        self._dispatch = Dispatch(settings.node_ids, ours)
-        self.tracks: tuple[AxisTrack, ...] = self._dispatch.tracks
+        self._handlers = dict.fromkeys(ours, self._notice_foreigner)
+        for node, track in zip(settings.node_ids, self.tracks, strict=True):
+            self._handlers[pdo.TPDO1 + node] = track.on_feedback
+            self._handlers[pdo.TPDO2 + node] = track.on_inputs
+            self._handlers[pdo.EMCY + node] = track.on_emergency
+            self._handlers[pdo.HEARTBEAT + node] = track.on_heartbeat
         self._sync: tuple[Frame, ...] = ((pdo.SYNC, b""),)
         self._sync_and_beat: tuple[Frame, ...] = (*self._sync, beat)
         self._outputs: list[Frame] = []
         self._dead = False
-        self.unsent = False
-
-    @property
-    def failed(self) -> bool:
-        """Whether the link is dead, or its controller is bus-off or error-passive."""
-        return self._dead or self._dispatch.bus_failed
-
-    @property
-    def foreign(self) -> bool:
-        """Whether somebody else has commanded the drives since the cycle before."""
-        return self._dispatch.foreign
+        self.unsent = self.failed = self.foreign = False
 
     def begin(self, number: int, previous: int) -> None:
         """Send SYNC, and the heartbeat when it is due between these two cycles."""
@@ -63,17 +61,29 @@ class Wire:
 
     def listen(self, cycles: int) -> None:
         """Read what has come since the last time, ``cycles`` ago."""
-        self._dispatch.foreign = False
+        self.foreign = False
         try:
             if not self._dead:
-                self._dispatch.take(self._link.receive())
+                self._take(self._link.receive())
         except BusError:
-            self._dead = True
+            self._dead = self.failed = True
         for track in self.tracks:
             track.end_of_cycle(cycles)
         first, second, third = self.tracks
         if first.missing or second.missing or third.missing:
             self._count_those_alone()
+
+    def _take(self, frames: Iterable[Frame]) -> None:
+        """Read frames in the order in which they came; those of strangers are passed over."""
+        for identifier, data in frames:
+            handler = self._handlers.get(identifier)
+            if handler is not None:
+                handler(data)
+            elif identifier == pdo.ERROR_FRAME:
+                self.failed = self.failed or is_fatal(data)
+
+    def _notice_foreigner(self, data: bytes) -> None:
+        self.foreign = True
 
     def _count_those_alone(self) -> None:
         """Tell a drive that is silent from a computer on which no simulated drive runs."""
@@ -81,7 +91,7 @@ class Wire:
             for track in self.tracks:
                 track.alone += bool(track.missing)
 
-    def switch(self, axis: int, word: int) -> None:
+    def set_outputs(self, axis: int, word: int) -> None:
         """Send the outputs of one axis (index) with the frames of this cycle."""
         self._outputs.append((pdo.RPDO2 + self._nodes[axis], pdo.OUTPUTS.pack(word)))
 

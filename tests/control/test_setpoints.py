@@ -10,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.control.channel.setpoints import Fence, grid_times, prepare
-from duoglide.control.streamer.follower import Motion, MotionState
+from duoglide.control.channel.events import RunState
+from duoglide.control.channel.setpoints import Fence
+from duoglide.control.host.prepare import divide_into_cycles, prepare
+from duoglide.control.streamer.follower import Follower
 from duoglide.motion.actions import WaitInput
 from duoglide.storage.records import Phase
 
@@ -22,7 +24,7 @@ def test_grid_times_are_whole_cycles_and_end_at_the_end(
     start: float, length: float, cycle: float
 ) -> None:
     end = start + length
-    times = grid_times(start, end, cycle)
+    times = divide_into_cycles(start, end, cycle)
     assert times[0] == start or length == 0.0
     assert times[-1] == end
     assert np.all(np.diff(times) >= 0.0) and np.all(np.diff(times) <= cycle * (1.0 + 1e-9))
@@ -55,12 +57,14 @@ def test_the_fence_knows_which_way_a_drive_counts(
     assert fence.refuses(beyond, beyond) == 3
 
 
-def test_a_program_with_a_wait_has_a_grid_for_each_leg(bench: Any, machine: dg.Machine) -> None:
+def test_setpoints_with_a_wait_have_a_grid_for_each_stretch(
+    bench: Any, machine: dg.Machine
+) -> None:
     wait = WaitInput(1, 3, True)
-    program = prepare(
+    prepared = prepare(
         bench.straight(actions=((0.5031, wait),)), Fence.of(machine), 1, Phase.PROGRAM
     )
-    first, second = program.legs
+    first, second = prepared.stretches
     assert (first.end, second.start, first.wait, second.wait) == (0.5031, 0.5031, wait, None)
     assert first.grid[-1] == second.grid[0]
 
@@ -81,21 +85,21 @@ def test_whatever_the_operator_does_setpoints_stay_on_the_path_and_in_the_fence(
     commands: list[tuple[int, str | float]],
 ) -> None:
     machine = dg.Machine.default()
-    program = prepare(there(), Fence.of(machine), 1, Phase.PROGRAM)
-    motion = Motion(program, 1.0)
-    previous, u = program.first, 0.0
+    prepared = prepare(there(), Fence.of(machine), 1, Phase.PROGRAM)
+    follower = Follower(prepared, 1.0)
+    previous, u = prepared.first, 0.0
     for cycles, command in [*commands, (1, "resume"), (400, 1.0)]:
         if command == "hold":
-            motion.hold()
+            follower.hold()
         elif command == "resume":
-            motion.resume()
+            follower.resume()
         else:
-            motion.set_override(float(command))
+            follower.set_override(float(command))
         for _ in range(cycles):
-            target = motion.advance()
-            assert not program.fence.refuses(target, previous)
-            assert motion.path_time >= u
-            assert target == program.setpoint(motion.path_time)
-            previous, u = target, motion.path_time
-    assert motion.state is MotionState.FINISHED
-    assert previous == program.legs[-1].grid[-1]
+            target = follower.advance()
+            assert not prepared.fence.refuses(target, previous)
+            assert follower.path_time >= u
+            assert target == prepared.at(follower.path_time)
+            previous, u = target, follower.path_time
+    assert follower.state is RunState.FINISHED
+    assert previous == prepared.stretches[-1].grid[-1]

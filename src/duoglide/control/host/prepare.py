@@ -1,0 +1,106 @@
+"""From a trajectory to what is streamed: the way to its start, and every setpoint beforehand."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from duoglide.control.channel.scale import as_int_triple
+from duoglide.control.channel.setpoints import Fence, PreparedSetpoints, Stretch, TimedOutput
+from duoglide.errors import LimitError, PathError
+from duoglide.kinematics.model import forward
+from duoglide.motion.actions import SetOutput, WaitInput
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from duoglide.arrays import FloatArray
+    from duoglide.machine import Machine
+    from duoglide.motion.trajectory import Trajectory
+    from duoglide.storage.records import Phase
+
+START_TOLERANCE = 0.05  # [mm] that a carriage may be away from the start of a run
+
+
+def plan_approach(
+    machine: Machine, held: FloatArray, trajectory: Trajectory, allowed: bool
+) -> Trajectory | None:
+    """Plan the approach to a trajectory's start; None where the machine is there.
+
+    Args:
+        machine: Which stands still.
+        held: Where its setpoints hold the carriages [mm], shape (3,).
+        trajectory: That shall run.
+        allowed: Whether an approach was asked for.
+
+    Raises:
+        PathError: The machine is elsewhere and no approach was asked for, or there is no safe way.
+    """
+    away = np.abs(held - trajectory.at(0.0).carriages)
+    if away.max() <= START_TOLERANCE:
+        return None
+    start = trajectory.position_at(0.0)
+    here = forward(machine.geometry, held)
+    if not allowed:
+        axis = int(np.argmax(away)) + 1
+        where, there = (", ".join(f"{v:.3f}" for v in place) for place in (here, start))
+        raise PathError(
+            f"the machine is not at the start: carriage {axis} is {away.max():.3f} mm away"
+            f" (platform at ({where}), start at ({there}) mm); ask for an approach"
+            " (approach=True, --approach)",
+            position=tuple(here.tolist()),
+            quantity="start",
+            amount=float(away.max()),
+        )
+    from duoglide.planning.transfer import transfer
+
+    return transfer(machine, here, start)
+
+
+def prepare(trajectory: Trajectory, fence: Fence, number: int, phase: Phase) -> PreparedSetpoints:
+    """Compute and validate every setpoint of the nominal grid.
+
+    Raises:
+        LimitError: A setpoint leaves the travel, brings carriages 1 and 2 too close, or is too far
+            from the one before; names the axis and the path time.
+    """
+    waits = [(t, a) for t, a in trajectory.actions if isinstance(a, WaitInput)]
+    outputs = tuple(TimedOutput(t, a) for t, a in trajectory.actions if isinstance(a, SetOutput))
+    ends: list[tuple[float, WaitInput | None]] = [*waits, (trajectory.duration, None)]
+    starts = [0.0, *(t for t, _ in waits)]
+    cycle = fence.cycle
+    stretches = []
+    for start, (end, wait) in zip(starts, ends, strict=True):
+        times = divide_into_cycles(start, end, cycle)
+        grid = fence.scales.increments(trajectory.at(times).carriages)
+        _validate(grid, times, fence)
+        stretches.append(Stretch(start, end, tuple(map(as_int_triple, grid)), wait))
+    for before, after in pairwise(stretches):
+        _validate(np.array([before.grid[-1], after.grid[0]]), np.array([before.end] * 2), fence)
+    return PreparedSetpoints(number, phase, trajectory, tuple(stretches), outputs, fence)
+
+
+def divide_into_cycles(start: float, end: float, cycle: float) -> FloatArray:
+    """Return ``start + k * cycle`` up to ``end``, which is the last; at least one time."""
+    count = max(int(np.ceil((end - start) / cycle * (1.0 - 1e-12))), 0)
+    times: FloatArray = np.minimum(start + np.arange(count + 1) * cycle, end)
+    times[-1] = end
+    return times
+
+
+def _validate(grid: NDArray[np.int64], times: FloatArray, fence: Fence) -> None:
+    previous = as_int_triple(grid[0])
+    for row, time in zip(grid, times, strict=True):
+        target = as_int_triple(row)
+        axis = fence.refuses(target, previous)
+        if axis:
+            mm = [round(value, 4) for value in fence.scales.mm(target)]
+            before = fence.scales.mm(previous)[axis - 1]
+            raise LimitError(
+                f"setpoint of carriage {axis} at {time:.4f} s is refused: carriages {mm} mm, the"
+                f" setpoint before it {before:.4f} mm; travel, the carriages' distance of"
+                f" {fence.gap:g} mm, or the greatest step in one cycle is broken"
+            )
+        previous = target
