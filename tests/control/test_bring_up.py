@@ -9,7 +9,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.host import drivetrain
-from duoglide.drives import alone
+from duoglide.drives import listen
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults
 from duoglide.kinematics.home import home_carriages
@@ -57,7 +57,7 @@ def test_a_machine_that_cannot_be_brought_up_is_refused_by_name(
 def test_a_machine_with_a_drive_in_fault_is_connected_by_one_host_and_not_enabled(
     drives: SimulatedDrives, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(alone, "_PATIENCE", 0.1)
+    monkeypatch.setattr(listen, "_ALONE_PATIENCE", 0.1)
     drives.inject(faults.DeviceFault(1))
     with dg.Robot.connect(MACHINE, bus=drives.address) as robot:
         with pytest.raises(dg.DriveFault, match=r"axis 1 .* continuous over-current") as fault:

@@ -47,7 +47,7 @@ STRANGERS = [
         (pdo.SYNC, b"", True),
         (pdo.NMT, bytes((pdo.Nmt.STOP, 0)), True),
         (pdo.EMCY + NODES[0], pdo.pack_emergency(0x2310, 3), True),
-        (pdo.RPDO1 + NODES[1], pdo.pack_setpoint(0, 0), True),  # power off
+        (pdo.RPDO1 + NODES[1], pdo.SETPOINT.pack(0, 0), True),  # power off
         (pdo.TPDO1 + NODES[2], pdo.FEEDBACK.pack(0x08, 0), True),  # fault
     ]
 ]

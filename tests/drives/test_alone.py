@@ -8,9 +8,9 @@ from contextlib import contextmanager
 import can
 import pytest
 
-from duoglide.drives import alone, pdo
-from duoglide.drives.alone import require_alone
+from duoglide.drives import listen, pdo
 from duoglide.drives.buses import open_bus
+from duoglide.drives.listen import require_alone
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.errors import BusError
 from duoglide.machine import DriveSettings
@@ -50,7 +50,7 @@ def talking(address: str, can_id: int, extended: bool = False) -> Iterator[threa
 def test_another_host_is_named(
     process: SimulatedDrives, monkeypatch: pytest.MonkeyPatch, can_id: int, words: str
 ) -> None:
-    monkeypatch.setattr(alone, "_PATIENCE", 0.1)
+    monkeypatch.setattr(listen, "_ALONE_PATIENCE", 0.1)
     with talking(process.address, can_id), pytest.raises(BusError, match=words) as caught:
         require_alone(process.address, SETTINGS)
     assert "`duoglide view --join` watches and stops" in str(caught.value)
@@ -70,7 +70,7 @@ def test_a_host_that_falls_silent_is_waited_for(process: SimulatedDrives) -> Non
 def test_nodes_and_extended_frames_are_no_hosts(
     process: SimulatedDrives, monkeypatch: pytest.MonkeyPatch, can_id: int, extended: bool
 ) -> None:
-    monkeypatch.setattr(alone, "_PATIENCE", 0.1)
+    monkeypatch.setattr(listen, "_ALONE_PATIENCE", 0.1)
     with talking(process.address, can_id, extended):
         require_alone(process.address, SETTINGS)
 

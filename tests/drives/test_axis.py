@@ -12,7 +12,7 @@ from duoglide.drives.axis import Axis
 from duoglide.drives.buses import frame_sender
 from duoglide.drives.cia402 import Control, Mode, State
 from duoglide.drives.configure import interpolation_time
-from duoglide.drives.pdo import RPDO1, SYNC, pack_setpoint
+from duoglide.drives.pdo import RPDO1, SETPOINT, SYNC
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults
 from duoglide.errors import ConfigError, DriveError, DriveFault, DriveTimeout
@@ -293,7 +293,7 @@ def test_a_drive_that_hears_no_more_setpoints_stops_by_itself(
         target = [p + 10 * k for p in positions]
         frames = [(SYNC, b"")]
         for axis, t in zip(enabled, target, strict=True):
-            frames.append((RPDO1 + axis.node_id, pack_setpoint(Control.ENABLE_OPERATION, t)))
+            frames.append((RPDO1 + axis.node_id, SETPOINT.pack(Control.ENABLE_OPERATION, t)))
         send(frames)
         time.sleep(max(0.0, start + 0.002 * (k + 1) - time.monotonic()))
     time.sleep(0.1)

@@ -13,11 +13,13 @@ from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import open_bus
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulated import SimulatedDrives, build_rack, serve_drives
+from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation.process import serve_drives
+from duoglide.drives.simulation.rack import build_rack
 from duoglide.machine import DriveSettings
 
 RESET_ALL = bytes((pdo.Nmt.RESET_NODE, 0))
-QUICK_STOP = pdo.pack_setpoint(0x0002, 0)
+QUICK_STOP = pdo.SETPOINT.pack(0x0002, 0)
 
 
 def standard(can_id: int, data: bytes = b"") -> can.Message:

@@ -46,7 +46,7 @@ def heard(*frames: Frame, extended: bool = False) -> Overheard:
 def test_the_host_and_its_drives_are_heard() -> None:
     found = heard(
         (pdo.SYNC, b""),
-        (pdo.RPDO1 + 2, pdo.pack_setpoint(15, 7)),
+        (pdo.RPDO1 + 2, pdo.SETPOINT.pack(15, 7)),
         (pdo.TPDO1 + 1, pdo.FEEDBACK.pack(0x1237, -41_000)),
         (pdo.HEARTBEAT + 1, b"\x05"),
         (pdo.HEARTBEAT + 127, b"\x05"),

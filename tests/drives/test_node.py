@@ -174,7 +174,7 @@ def test_a_setpoint_acts_at_the_next_sync_and_is_reached_at_the_one_after(
     enable(operational)
     node, axis = operational.node, operational.node.axis
     operational.sync()
-    node.receive(pdo.RPDO1 + NODE, pdo.pack_setpoint(15, 2000))
+    node.receive(pdo.RPDO1 + NODE, pdo.SETPOINT.pack(15, 2000))
     node.advance(2000)
     assert axis.servo_demand == 0
     operational.sync()
@@ -185,7 +185,7 @@ def test_a_setpoint_acts_at_the_next_sync_and_is_reached_at_the_one_after(
 def test_feedback_is_what_was_true_at_the_sync(operational: Bench) -> None:
     enable(operational)
     for target in (2000, 2000, 2000):
-        operational.node.receive(pdo.RPDO1 + NODE, pdo.pack_setpoint(15, target))
+        operational.node.receive(pdo.RPDO1 + NODE, pdo.SETPOINT.pack(15, target))
         frames = operational.sync()
         actual = operational.node.axis.actual
         assert frames == [(pdo.TPDO1 + NODE, pdo.FEEDBACK.pack(0x1237, actual))]
@@ -193,7 +193,7 @@ def test_feedback_is_what_was_true_at_the_sync(operational: Bench) -> None:
 
 
 def test_setpoints_are_ignored_until_it_is_operational(bench: Bench) -> None:
-    bench.node.receive(pdo.RPDO1 + NODE, pdo.pack_setpoint(6, 0))
+    bench.node.receive(pdo.RPDO1 + NODE, pdo.SETPOINT.pack(6, 0))
     bench.node.receive(pdo.SYNC, b"")
     assert bench.node.axis.statusword & 0x6F == 0x40
 

@@ -16,7 +16,7 @@ positions = st.integers(-(1 << 31), (1 << 31) - 1)
 @settings(max_examples=50, deadline=None)
 @given(words, positions)
 def test_a_setpoint_is_six_bytes_little_endian(controlword: int, target: int) -> None:
-    data = pdo.pack_setpoint(controlword, target)
+    data = pdo.SETPOINT.pack(controlword, target)
     assert len(data) == 6
     assert int.from_bytes(data[:2], "little") == controlword
     assert int.from_bytes(data[2:], "little", signed=True) == target
@@ -31,7 +31,7 @@ def test_feedback_survives_packing(statusword: int, actual: int) -> None:
 
 def test_a_position_beyond_32_bits_is_refused() -> None:
     with pytest.raises(struct.error):
-        pdo.pack_setpoint(15, 1 << 31)
+        pdo.SETPOINT.pack(15, 1 << 31)
 
 
 def test_feedback_that_is_cut_short_is_refused() -> None:

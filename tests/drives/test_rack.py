@@ -4,9 +4,8 @@ import pytest
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Control
-from duoglide.drives.simulated import build_rack
 from duoglide.drives.simulation.firmware_objects import RefusalError
-from duoglide.drives.simulation.rack import DriveRack
+from duoglide.drives.simulation.rack import DriveRack, build_rack
 from duoglide.drives.standstill import INDEX, seconds_in
 from duoglide.machine import DriveSettings
 
@@ -34,7 +33,7 @@ def switch_on(rack: DriveRack) -> None:
 def cycle(rack: DriveRack, now: int, target: int, behind: int = 0) -> None:
     rack.receive(pdo.SYNC, b"", now, behind)
     for node in rack.nodes:
-        rack.receive(pdo.RPDO1 + node.node_id, pdo.pack_setpoint(15, target), now)
+        rack.receive(pdo.RPDO1 + node.node_id, pdo.SETPOINT.pack(15, target), now)
 
 
 def watch_the_host(rack: DriveRack) -> None:

@@ -17,9 +17,11 @@ import pytest
 from duoglide.drives import pdo
 from duoglide.drives.buses import open_bus
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulated import SimulatedDrives, build_rack, serve_drives
+from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults, process
 from duoglide.drives.simulation.plant import PlantParameters
+from duoglide.drives.simulation.process import serve_drives
+from duoglide.drives.simulation.rack import build_rack
 from duoglide.errors import BusError
 from duoglide.machine import DriveSettings, Homing
 

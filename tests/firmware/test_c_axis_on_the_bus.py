@@ -14,11 +14,10 @@ from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import frame_sender, open_bus
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulated import build_rack
 from duoglide.drives.simulation import faults
 from duoglide.drives.simulation.application import AxisApplication
 from duoglide.drives.simulation.hub import Hub
-from duoglide.drives.simulation.rack import DriveRack
+from duoglide.drives.simulation.rack import DriveRack, build_rack
 from duoglide.machine import DriveSettings
 
 SETTINGS = DriveSettings(setpoint_timeout=1.0)  # the machine that tests may be busy
@@ -68,7 +67,7 @@ def stream(network: canopen.Network, axes: list[Axis], cycles: int) -> list[list
         frames = [(pdo.SYNC, b"")]
         for axis, position in zip(axes, POSITIONS, strict=True):
             target = axis.scale.to_increments(position + move)
-            frames.append((pdo.RPDO1 + axis.node_id, pdo.pack_setpoint(0xF, target)))
+            frames.append((pdo.RPDO1 + axis.node_id, pdo.SETPOINT.pack(0xF, target)))
         send(frames)
         time.sleep(max(0.0, start + SETTINGS.cycle * (k + 1) - time.monotonic()))
     deadline = time.monotonic() + 5.0  # three threads share one interpreter

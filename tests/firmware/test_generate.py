@@ -50,7 +50,7 @@ def test_the_header_compiles_without_a_warning(tmp_path: Path) -> None:
 
 def test_the_dbc_decodes_the_frames_of_the_cycle() -> None:
     database = cantools.database.load_file(FIRMWARE / "linear_axis.dbc")
-    setpoint = database.decode_message(pdo.RPDO1 + 2, pdo.pack_setpoint(0xF, -123456))
+    setpoint = database.decode_message(pdo.RPDO1 + 2, pdo.SETPOINT.pack(0xF, -123456))
     assert setpoint == {"Controlword": 0xF, "TargetPosition": -123456}
     feedback = database.decode_message(pdo.TPDO1 + 3, pdo.FEEDBACK.pack(0x1237, 5))
     assert feedback == {"Statusword": 0x1237, "PositionActualValue": 5}

@@ -10,8 +10,8 @@ import pytest
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Control, State, decode
-from duoglide.drives.simulated import build_rack
 from duoglide.drives.simulation.faults import DeviceFault
+from duoglide.drives.simulation.rack import build_rack
 from duoglide.machine import DriveSettings
 
 DBC = Path(__file__).parents[2] / "firmware_interface" / "linear_axis.dbc"
@@ -54,7 +54,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
             clock += PERIOD
             host(pdo.SYNC, b"")
             for node in rack.nodes:
-                host(pdo.RPDO1 + node.node_id, pdo.pack_setpoint(word, 50 * max(k - 2, 0)))
+                host(pdo.RPDO1 + node.node_id, pdo.SETPOINT.pack(word, 50 * max(k - 2, 0)))
         DeviceFault(2).apply(rack.nodes[1])
         for _ in range(5):
             clock += PERIOD

@@ -76,7 +76,7 @@ def stream(bus: can.BusABC, axes: Sequence[Axis], cycles: int) -> None:
         frames = [(pdo.SYNC, b"")]
         for axis, position in zip(axes, POSITIONS, strict=True):
             target = axis.scale.to_increments(position + 0.05 * k)
-            frames.append((pdo.RPDO1 + axis.node_id, pdo.pack_setpoint(15, target)))
+            frames.append((pdo.RPDO1 + axis.node_id, pdo.SETPOINT.pack(15, target)))
         send(frames)
         time.sleep(max(0.0, start + SETTINGS.cycle * (k + 1) - time.monotonic()))
 

@@ -1,7 +1,7 @@
 """Linear-axis drives over CANopen (CiA 301, CiA 402), real and simulated.
 
-The host's side: ``buses`` opens a bus by name, ``alone`` sees that no other host is on it,
-``listen`` hears what is said there without a word of its own,
+The host's side: ``buses`` opens a bus by name, ``listen`` hears what is said there without a word
+of its own, and whether another host is on it,
 ``axis`` brings one drive up over SDO (with ``configure``, ``drive_objects``, ``sdo_client`` and
 ``scale`` under it), ``pdo`` packs the frames of the cycle, ``cia402`` knows states, words and
 codes.

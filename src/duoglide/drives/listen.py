@@ -1,7 +1,7 @@
-"""What a bus says of its drives to somebody who only listens: nothing is sent.
+"""What a bus says to somebody who only listens: of its drives, and whether a host commands them.
 
-A second host that asks would disturb the one that moves the machine: both would wait for the same
-SDO answers. Whatever its drives say in every cycle is there for everybody.
+Nothing is sent. A second host that asks would disturb the one that moves the machine: both would
+wait for the same SDO answers. Whatever its drives say in every cycle is there for everybody.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from duoglide.drives import pdo
-from duoglide.drives.alone import sign_in, signs_of_a_host
 from duoglide.drives.buses import open_bus
 from duoglide.errors import BusError
 
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 
 _NODE = 0x7F  # of an identifier, the bits of the node number
 _PATIENCE = 1.0  # with a host whose drives have not all been heard [s]
+_ALONE_PATIENCE = 4.0  # a host that was killed stops the machine first, and then falls silent [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class _Ear:
 
     def __init__(self, settings: DriveSettings) -> None:
         self._nodes = settings.node_ids
-        self._signs = signs_of_a_host(settings)
+        self._signs = _list_signs_of_a_host(settings)
         self._host: dict[str, None] = {}  # a set that keeps its order
         self._feedback: dict[int, pdo.Feedback] = {}
         self._heartbeats: dict[int, pdo.NmtState | None] = {}
@@ -67,7 +67,7 @@ class _Ear:
         """Remember what a frame says; what is no data frame, or too short, says nothing."""
         if message.is_extended_id or message.is_error_frame or message.is_remote_frame:
             return
-        if (sign := sign_in(message, self._signs)) is not None:
+        if (sign := _find_sign(message, self._signs)) is not None:
             self._host[sign] = None
         kind, node = message.arbitration_id & ~_NODE, message.arbitration_id & _NODE
         data = message.data
@@ -114,3 +114,51 @@ def listen(name: str, settings: DriveSettings) -> Overheard:
         except can.CanError as error:
             raise BusError(f"bus {name}: {error}") from error
     return ear.heard()
+
+
+def require_alone(name: str, settings: DriveSettings) -> None:
+    """Listen until no other host has been heard for two periods of its heartbeat.
+
+    Args:
+        name: Of the bus; anything but ``virtual``, whose hub is one's own.
+        settings: Whose node numbers, heartbeat and cycle to expect.
+
+    Raises:
+        BusError: The bus cannot be opened or read, or another host does not fall silent.
+    """
+    import can
+
+    signs = _list_signs_of_a_host(settings)
+    quiet = max(2.0 * settings.heartbeat_period, 5.0 * settings.cycle)
+    with open_bus(name, settings.bit_rate) as bus:
+        try:
+            begin = last = time.monotonic()
+            while (now := time.monotonic()) - last < quiet:
+                message = bus.recv(last + quiet - now)
+                sign = None if message is None else _find_sign(message, signs)
+                if sign is not None:
+                    last = time.monotonic()
+                    if last - begin > _ALONE_PATIENCE:
+                        raise BusError(
+                            f"bus {name}: another host is on it, its {sign} is heard. Two would"
+                            " pull at the same carriages: end the other one first (a duoglide"
+                            " stream, view or script, or another master). `duoglide view --join`"
+                            " watches and stops the run of another duoglide on this computer,"
+                            " `duoglide status` only listens"
+                        )
+        except can.CanError as error:
+            raise BusError(f"bus {name}: {error}") from error
+
+
+def _list_signs_of_a_host(settings: DriveSettings) -> dict[int, str]:
+    """Return the frames that only a host sends."""
+    setpoints = {pdo.RPDO1 + n: f"setpoint for node {n}" for n in settings.node_ids}
+    heartbeat = {pdo.HEARTBEAT + settings.host_id: f"heartbeat as node {settings.host_id}"}
+    return {pdo.SYNC: "SYNC", **setpoints, **heartbeat}
+
+
+def _find_sign(message: can.Message, signs: dict[int, str]) -> str | None:
+    """Return what a frame says of a host; None for what others send too."""
+    if message.is_extended_id or message.is_error_frame or message.is_remote_frame:
+        return None
+    return signs.get(message.arbitration_id)

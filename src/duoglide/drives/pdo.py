@@ -44,7 +44,6 @@ TPDO1_MAPPING = ((0x6041, 0, 16), (0x6064, 0, 32))
 RPDO2_MAPPING = ((0x60FE, 1, 32),)
 TPDO2_MAPPING = ((0x60FD, 0, 32), (0x6061, 0, 8))
 
-USER_BIT = 16  # user input and output 0 is bit 16 of 0x60FD and 0x60FE; CiA 402 keeps 0 to 15
 INTERLOCK = 1 << 3  # of 0x60FD: safe torque off is active
 
 SYNCHRONOUS = 1  # transmission type: act on, or send at, every SYNC
@@ -71,14 +70,6 @@ class NmtState(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Setpoint:
-    """What RPDO1 carries."""
-
-    controlword: int
-    target: int  # [increments]
-
-
-@dataclass(frozen=True, slots=True)
 class Feedback:
     """What TPDO1 carries."""
 
@@ -93,11 +84,6 @@ class Emergency:
     code: int
     register: int
     detail: bytes
-
-
-def pack_setpoint(controlword: int, target: int) -> bytes:
-    """Return the six bytes of RPDO1; struct.error if a value does not fit."""
-    return SETPOINT.pack(controlword, target)
 
 
 def unpack_feedback(data: bytes | bytearray) -> Feedback:

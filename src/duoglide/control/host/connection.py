@@ -12,9 +12,9 @@ from duoglide.control.channel.events import Condition, Happening, Trip
 from duoglide.control.channel.orders import Assignment, Policy, StreamSettings
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.process import StreamerProcess
-from duoglide.drives.alone import require_alone
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
+from duoglide.drives.listen import require_alone
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
 from duoglide.drives.scale import Scale
 from duoglide.drives.simulated import SimulatedDrives

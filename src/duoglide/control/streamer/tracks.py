@@ -46,11 +46,10 @@ class AxisTrack:
         alone: Of those, the cycles in which another drive gave some.
         regular: Cycles in a row with feedback.
         silence: Cycles since its last heartbeat.
-        heard: Whether feedback has ever come.
     """
 
     __slots__ = (
-        "_feedback", "actual", "alone", "boots", "emergencies", "heard", "inputs", "limited",
+        "_feedback", "actual", "alone", "boots", "emergencies", "inputs", "limited",
         "missing", "mode", "nmt", "regular", "silence", "state", "statusword",
     )  # fmt: skip
 
@@ -66,7 +65,6 @@ class AxisTrack:
         self.alone = 0
         self.regular = 0
         self.silence = 0
-        self.heard = False
         self.boots = 0
         self.emergencies: deque[int] = deque(maxlen=16)
         self._feedback: deque[bytes] = deque(maxlen=8)
@@ -129,7 +127,7 @@ class AxisTrack:
         if not self.settled or len(queue) > 2:
             while len(queue) > 1:
                 queue.popleft()
-        self.missing, self.alone, self.heard = 0, 0, True
+        self.missing = self.alone = 0
         self.regular += 1
         self.statusword, self.actual = pdo.FEEDBACK.unpack_from(queue.popleft())
         self.limited = self.limited + 1 if self.statusword & _LIMIT else 0

@@ -2,21 +2,40 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import signal
 import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING, NamedTuple
 
-from duoglide.drives.buses import BusKind, open_bus, parse_bus
-from duoglide.drives.simulated import DISMISS, build_rack, serve_drives
+from duoglide.drives.buses import BusKind, frame_sender, open_bus, parse_bus
 from duoglide.drives.simulation.faults import Injection
 from duoglide.drives.simulation.hub import Hub
-from duoglide.drives.simulation.rack import DriveRack
+from duoglide.drives.simulation.plant import PlantParameters
+from duoglide.drives.simulation.rack import DriveRack, build_rack
 from duoglide.errors import BusError
+from duoglide.machine import DriveSettings
+
+if TYPE_CHECKING:
+    import can
 
 _LINGER = 10.0  # how long to stay for those still connected once the parent is gone [s]
+_PASSING = frozenset({errno.ENETDOWN, errno.ENETUNREACH, errno.ENOBUFS})  # a link that is down
+DISMISS = "dismiss"  # the last thing in the pipe, if all goes well
+
+
+class Job(NamedTuple):
+    """The first thing in the pipe; see ``simulated.SimulatedDrives``."""
+
+    settings: DriveSettings
+    positions: tuple[float, ...]
+    bus: str
+    plants: Sequence[PlantParameters] | None
+    standstill: float
 
 
 class _Control:
@@ -74,14 +93,14 @@ def main(descriptor: int) -> None:
 
 
 def _serve(pipe: Connection) -> None:
-    settings, positions, bus, plants, standstill = pipe.recv()
-    rack = build_rack(settings, positions, plants, standstill=standstill)
+    job: Job = pipe.recv()
+    rack = build_rack(job.settings, job.positions, job.plants, standstill=job.standstill)
     control = _Control(pipe, rack)
     _be_prompt()
-    if parse_bus(bus).kind is BusKind.VIRTUAL:
+    if parse_bus(job.bus).kind is BusKind.VIRTUAL:
         _serve_hub(rack, control, pipe)
     else:
-        _serve_bus(bus, settings.bit_rate, rack, control, pipe)
+        _serve_bus(job.bus, job.settings.bit_rate, rack, control, pipe)
 
 
 def _serve_hub(rack: DriveRack, control: _Control, pipe: Connection) -> None:
@@ -114,3 +133,41 @@ def _serve_bus(
         raise BusError(f"bus {name}: {error}") from error
     finally:
         bus.shutdown()
+
+
+def serve_drives(bus: can.BusABC, rack: DriveRack, until: Callable[[], bool]) -> None:
+    """Let the drives take part in an open bus until ``until`` says so.
+
+    While a link is down the drives live on: their frames are lost and their watchdogs see it.
+
+    Raises:
+        can.CanError: The bus has failed for good.
+    """
+    import can
+
+    send = frame_sender(bus)
+    waiting: list[tuple[int, bytes]] = []
+    rack.attach(lambda can_id, data: waiting.append((can_id, data)))
+    while not until():
+        now = time.monotonic_ns() // 1000  # before looking: all that came until now will be read
+        try:
+            _receive_all(bus, rack)
+            rack.poll(now)
+            if waiting:
+                send(waiting)
+        except can.CanOperationError as error:
+            if error.error_code not in _PASSING:
+                raise
+            rack.poll(now)
+            time.sleep(rack.patience)
+        waiting.clear()
+
+
+def _receive_all(bus: can.BusABC, rack: DriveRack) -> None:
+    """Hand over what waits on the bus, or what comes within the drives' patience."""
+    message = bus.recv(rack.patience)
+    while message is not None:
+        if not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
+            now = time.monotonic_ns() // 1000
+            rack.receive(message.arbitration_id, bytes(message.data), now)
+        message = bus.recv(0.0)

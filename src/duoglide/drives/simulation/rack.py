@@ -13,14 +13,23 @@ over only after a longer silence, or once the host's connection is known to be g
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State, decode
+from duoglide.drives.simulation.firmware_homing import HomingAxis
 from duoglide.drives.simulation.node import DriveNode, Send
+from duoglide.drives.simulation.plant import Plant, PlantParameters
 from duoglide.drives.standstill import Standstill
 
+if TYPE_CHECKING:
+    from duoglide.drives.simulation.application import AxisApplication
+    from duoglide.machine import DriveSettings
+
+STANDSTILL = 0.1  # how long a shared computer may leave a process without a processor [s]
+_NEGATIVE_SWITCH, _POSITIVE_SWITCH = 17, 18  # homing methods
 _LATE = 2.5  # periods after which a SYNC counts as missing, not as late
 _TARDY = 0.95  # of a period, up to which a SYNC is late and none has been left out
 _LOCKING = 16  # SYNCs within which the drives' clock takes up most of a shift of SYNC
@@ -153,3 +162,41 @@ class DriveRack:
             )
             for node in self.nodes
         )
+
+
+def build_rack(
+    settings: DriveSettings,
+    positions: Sequence[float],
+    plants: Sequence[PlantParameters] | None = None,
+    make_axis: Callable[[], AxisApplication] = HomingAxis,
+    standstill: float = STANDSTILL,
+) -> DriveRack:
+    """Build the three drives of a machine, switched on and not homed.
+
+    Args:
+        settings: Node numbers, scale and direction.
+        positions: Where the carriages stand [mm], three values.
+        plants: What hangs on each drive; three, or None for the default.
+        make_axis: Makes the firmware's application of one drive.
+        standstill: For how long they stand still with a host that agrees to it, and as long as
+            they wait for setpoints at the least; 0 for never [s].
+    """
+    shared = Standstill(max(standstill, settings.setpoint_patience) if standstill else 0.0)
+    nodes = []
+    for i, node_id in enumerate(settings.node_ids):
+        scale = settings.direction[i] * settings.increments_per_mm[i]
+        parameters = plants[i] if plants is not None else PlantParameters()
+        plant = Plant(_with_switch(parameters, settings, i))
+        plant.position = float(positions[i])
+        nodes.append(DriveNode(node_id, make_axis, plant, scale, shared))
+    return DriveRack(nodes, shared)
+
+
+def _with_switch(parameters: PlantParameters, settings: DriveSettings, i: int) -> PlantParameters:
+    """Put the limit switch that homing searches where the machine file says that it is."""
+    method, place = settings.homing.method[i], settings.homing.switch_position[i]
+    if method not in (_NEGATIVE_SWITCH, _POSITIVE_SWITCH):
+        return parameters
+    low, high = parameters.limit_switches
+    at_low = (method == _NEGATIVE_SWITCH) == (settings.direction[i] > 0)
+    return replace(parameters, limit_switches=(place, high) if at_low else (low, place))
