@@ -56,10 +56,9 @@ class SimulatedDrives:
 
     def __enter__(self) -> SimulatedDrives:
         self._pipe, theirs = multiprocessing.Pipe()
-        program = "from duoglide.drives.simulation.process import main"
-        code = f"import sys; {program}; main(int(sys.argv[1]))"
+        call = "from duoglide.drives.simulation.process import main; main(int(sys.argv[1]))"
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", code, str(theirs.fileno())],
+            [sys.executable, "-P", "-c", f"import sys; {call}", str(theirs.fileno())],
             pass_fds=(theirs.fileno(),),
             stdin=subprocess.DEVNULL,
             start_new_session=True,  # keys at the terminal are for the parent alone
