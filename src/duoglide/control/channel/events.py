@@ -96,6 +96,11 @@ class Condition(Enum):
     PRESSED = "quick stop was commanded"
     FOREIGN = "another host commands the drives"
 
+    @property
+    def concerns_bus(self) -> bool:
+        """Whether it is the bus that has failed, and not a drive."""
+        return self in (Condition.BUS, Condition.UNSENT, Condition.FOREIGN)
+
 
 _CONDITIONS = tuple(Condition)
 _INDICES = {condition: index for index, condition in enumerate(_CONDITIONS)}

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from duoglide.drives.axis import AxisReport
     from duoglide.machine import Machine
 
-CREEP = 0.02  # of the planned speed
+CREEP = 0.02  # share of the planned speed
 _AGREES = 0.2  # share of the distance by which the feedback may be off
 
 

@@ -24,7 +24,6 @@ _ORDERS = {
     Command.QUICK_STOP: EventKind.QUICK_STOP,
 }
 _WITH_CODES = (EventKind.FAULT, EventKind.EMERGENCY)
-_BUS = (Condition.BUS, Condition.UNSENT, Condition.FOREIGN)
 
 
 def describe_event(event: EventEntry) -> EventRecord:
@@ -48,7 +47,7 @@ def _describe_refusal(event: EventEntry) -> tuple[EventKind, str]:
 
 def _describe_trip(event: EventEntry) -> tuple[EventKind, str]:
     trip = Trip.from_event(event)
-    kind = EventKind.BUS if trip.condition in _BUS else EventKind.FAULT
+    kind = EventKind.BUS if trip.condition.concerns_bus else EventKind.FAULT
     if trip.condition is Condition.PRESSED:
         kind = EventKind.QUICK_STOP
     return kind, f"{trip.words}; {_REACTIONS[trip.reaction]}"

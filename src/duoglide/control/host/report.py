@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,13 @@ class Lateness:
         return cls(median=median, p99=p99, p999=p999, worst=worst)
 
 
+class TimedEvent(NamedTuple):
+    """Something that happened, with its time on the monotonic clock [s]."""
+
+    time: float
+    event: EventRecord
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RunReport:
     """What a run was like.
@@ -86,7 +93,7 @@ class RunReport:
     following_error: Triple
     limit_use: LimitUse
     faults: tuple[Trip, ...]
-    events: tuple[tuple[float, EventRecord], ...]
+    events: tuple[TimedEvent, ...]
     dropped: int = 0
     log: Path | None = None
     history: History = field(default_factory=History, compare=False)
@@ -100,7 +107,7 @@ class RunReport:
         return self._draw((7.0, 4.2))
 
     def _draw(self, size: tuple[float, float]) -> Figure:
-        marks = [time for time, event in self.events if event.kind in _MARKED]
+        marks = [timed.time for timed in self.events if timed.event.kind in _MARKED]
         return self.history.draw(marks, size)
 
     def _repr_html_(self) -> str:
@@ -184,7 +191,7 @@ class Tally:
     last: int = 0
     completed: bool = False
     faults: list[Trip] = field(default_factory=list)
-    events: list[tuple[float, EventRecord]] = field(default_factory=list)
+    events: list[TimedEvent] = field(default_factory=list)
     history: HistoryTally = field(default_factory=HistoryTally)
 
     def add_cycle(self, entry: CycleEntry) -> None:
@@ -202,7 +209,7 @@ class Tally:
 
     def add_event(self, event: EventEntry) -> None:
         """Keep an event."""
-        self.events.append((event.time * 1e-9, describe_event(event)))
+        self.events.append(TimedEvent(event.time * 1e-9, describe_event(event)))
         if event.kind == Happening.TRIP:
             self.faults.append(Trip.from_event(event))
 
@@ -252,7 +259,7 @@ def require_success(report: RunReport) -> None:
 
 def _error(trip: Trip, rest: str) -> DriveError | BusError:
     message = f"{trip.words}; {rest}"
-    if trip.condition in (Condition.BUS, Condition.UNSENT, Condition.FOREIGN):
+    if trip.condition.concerns_bus:
         return BusError(message)
     following = trip.code == _FOLLOWING
     kind = FollowingError if following else _ERRORS.get(trip.condition, DriveError)
