@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
+from duoglide.kinematics.constants import Plane
 from duoglide.machine import Geometry
 from duoglide.paper.figures.scene import Panels
 from duoglide.paper.figures.surfaces import COLOURS, quads
@@ -30,6 +31,7 @@ def joint_space_panels(geometry: Geometry, families: tuple[str, ...], half: floa
 
 def _curves(g: Geometry, family: str, half: float) -> list[FloatArray]:
     """Return the curves of (B, W), shape (n, 2), on which a family's surface stands."""
+    F1 = Plane.of(g).F1
     W = np.linspace(-4.0 * half, 4.0 * half, 2 * _POINTS)
     B = np.linspace(-1.0, 1.0, 2 * _POINTS) * 2.0 * g.leg_length
     match family:
@@ -42,13 +44,13 @@ def _curves(g: Geometry, family: str, half: float) -> list[FloatArray]:
             return [np.stack([B, np.zeros_like(B)], axis=-1)]
         case "arm flat":
             radii = [
-                np.hypot(_F1(g) - side * g.arm_length, rise)
+                np.hypot(F1 - side * g.arm_length, rise)
                 for side in (-1, 1)
                 for rise in _rises(g, B)
             ]
         case _:
             radii = [
-                np.hypot(_F1(g), rise) + side * g.arm_length
+                np.hypot(F1, rise) + side * g.arm_length
                 for side in (-1, 1)
                 for rise in _rises(g, B)
             ]
@@ -78,13 +80,9 @@ def _tips(B: FloatArray, radius: FloatArray, part: list[int], g: Geometry) -> li
     return tips
 
 
-def _F1(g: Geometry) -> float:  # noqa: N802  # the paper's symbol
-    return 2.0 * (g.rail_half_spacing - g.platform_half_width)
-
-
 def _rises(g: Geometry, B: FloatArray) -> list[FloatArray]:
     """Return F3 of Eq. 11 for m = +1 and, where it makes a difference, for m = -1."""
-    lift = g.riser_height + g.arm_drop - g.strut_drop
+    lift = Plane.of(g).lift
     h = np.sqrt(np.maximum(g.leg_length**2 - 0.25 * B * B, 0.0))
     return [lift + h] if lift == 0.0 else [lift + h, lift - h]
 

@@ -6,11 +6,13 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import SingularityError
+from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.home import home_carriages
 from duoglide.kinematics.model import forward, jacobian, reachable
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.singularity import margins
 from duoglide.kinematics.solutions import ForwardSolution, forward_all, inverse_all
+from duoglide.kinematics.workspace import Curve, CurveKind
 from duoglide.machine import Geometry, Machine
 from duoglide.paper.figures.plates import Plate, Solid
 from duoglide.paper.figures.robot import arrow, axes_cross, robot
@@ -113,18 +115,16 @@ def figure_5(geometry: Geometry) -> Plate:
 def figure_6(geometry: Geometry) -> Plate:
     """Serial singularities."""
     g = geometry
-    half = g.rail_half_spacing - g.platform_half_width
-    foot = g.carriage_height + g.strut_drop
-    base = g.carriage_height + g.riser_height + g.arm_drop
-    candidates = half + g.arm_length * np.linspace(-0.95, 0.95, 191)
-    A = np.sqrt(g.arm_length**2 - (candidates - half) ** 2)
-    top = foot + np.sqrt(np.maximum(g.strut_length**2 - (candidates + half) ** 2, 0.0))
     panels = []
-    for letter, name, z in (
-        ("a", "strut across the rail, $p_3 = 0$", top - 1e-6),
-        ("b", "legs vertical, $p_1 = p_2 = 0$", base + A + g.leg_length - 1e-6),
+    for letter, name, edge in (
+        (
+            "a",
+            "strut across the rail, $p_3 = 0$",
+            Curve(g, CurveKind.STRUT_TOP, g.strut_length),
+        ),
+        ("b", "legs vertical, $p_1 = p_2 = 0$", Curve(g, CurveKind.LEGS, g.leg_length)),
     ):
-        for pose in _middle_of_reachable(g, candidates, z):
+        for pose in _middle_of_reachable(edge, -1e-6, 0.95, 191):
             title = f"({letter})  {name}\nO' = ({pose[0]:.1f}, {pose[1]:.0f}, {pose[2]:.1f}) mm"
             panels.append(Solid(title, robot(geometry, pose), View(-118.0, 14.0)))
     caption = (
@@ -134,9 +134,19 @@ def figure_6(geometry: Geometry) -> Plate:
     return Plate(6, "Serial singularities", caption, panels, 2, (7.0, 3.8), KEY)
 
 
-def _middle_of_reachable(g: Geometry, x: FloatArray, z: FloatArray) -> FloatArray:
-    """Return the middle one of the poses (x, 0, z) that the links reach, shape (1, 3) or (0, 3)."""
-    poses = np.stack([x, np.zeros_like(x), z], axis=-1)
+def _middle_of_reachable(curve: Curve, lift: float, share: float, count: int) -> FloatArray:
+    """Return the middle one of the poses on a curve that the links reach, shape (1, 3) or (0, 3).
+
+    Args:
+        curve: Where to look.
+        lift: By how much above it [mm]; beside the edge of reach, rounding decides nothing.
+        share: How far along x from where the arm stands upright, as a share of its length.
+        count: How many poses to look at.
+    """
+    g = curve.geometry
+    x = Plane.of(g).cx + g.arm_length * np.linspace(-share, share, count)
+    poses = np.stack([x, np.zeros_like(x), curve.z(x) + lift], axis=-1)
+    poses = poses[np.isfinite(poses[:, 2])]
     poses = poses[reachable(g, poses)]
     middle: FloatArray = poses[len(poses) // 2 :][:1]
     return middle
@@ -182,23 +192,14 @@ def free_motion(geometry: Geometry, pose: FloatArray, mode: WorkingMode) -> Floa
 
 def _flat_pose(g: Geometry) -> FloatArray:
     """Return a pose with both legs along the rail, shape (1, 3), or none."""
-    half = g.rail_half_spacing - g.platform_half_width
-    x = half + g.arm_length * np.linspace(-0.9, 0.9, 181)
-    base = g.carriage_height + g.riser_height + g.arm_drop
-    return _middle_of_reachable(g, x, base + np.sqrt(g.arm_length**2 - (x - half) ** 2) + 1e-9)
+    return _middle_of_reachable(Curve(g, CurveKind.LEGS), 1e-9, 0.9, 181)
 
 
 def _case_2_pose(g: Geometry) -> FloatArray:
     """Return a pose of case 2, that of erratum 3 for Table 1, shape (1, 3), or none."""
-    half = g.rail_half_spacing - g.platform_half_width
     if g == Geometry():
         return _on_case_2(g, 250.0, 187.0, 188.0)
-    x = half + g.arm_length * np.linspace(-0.999, 0.999, 4001)
-    u = x - half
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = g.carriage_height + g.strut_drop + (x + half) * np.sqrt(g.arm_length**2 - u * u) / u
-    known = np.isfinite(z)
-    return _middle_of_reachable(g, x[known], z[known])
+    return _middle_of_reachable(Curve(g, CurveKind.CASE_2), 0.0, 0.999, 4001)
 
 
 def _on_case_2(g: Geometry, z: float, low: float, high: float) -> FloatArray:

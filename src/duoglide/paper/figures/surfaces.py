@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.workspace import Constraints, columns, section
+from duoglide.kinematics.constants import Plane
+from duoglide.kinematics.kernels import case2_point, in_numpy
+from duoglide.kinematics.workspace import Constraints, Curve, CurveKind, columns, section
 from duoglide.machine import Geometry
 from duoglide.paper.figures.scene import Panels
 
@@ -23,6 +25,8 @@ SERIAL = ("legs vertical", "strut", "arm flat")
 PARALLEL = ("legs flat", "arm in line with strut (case 2)")
 _POINTS = 121
 BESIDE = 0.1  # [mm], more than a chord of a sampled circle is off it
+
+_case2_columns = in_numpy(case2_point)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,28 +44,21 @@ def workspace_curves(geometry: Geometry, v: int | None = None) -> list[PlaneCurv
         geometry: Dimensions of the robot.
         v: Sign of sin(beta), for the halves of one branch; None: both, the whole algebraic curves.
     """
-    g = geometry
-    half = g.rail_half_spacing - g.platform_half_width
-    base = g.carriage_height + g.riser_height + g.arm_drop
-    foot = g.carriage_height + g.strut_drop
-    ends = (0.0, 2.0 * np.pi) if v is None else (0.0, v * np.pi)
-    angle = np.linspace(*ends, _POINTS)
-    curves = []
-    for family, rises in (("legs vertical", (-1.0, 1.0)), ("legs flat", (0.0,))):
-        for rise in rises:
-            centre = base + rise * g.leg_length
-            circle = np.stack(
-                [half + g.arm_length * np.cos(angle), centre + g.arm_length * np.sin(angle)], -1
-            )
-            curves.append(PlaneCurve(family, circle))
-    turn = np.linspace(0.0, 2.0 * np.pi, _POINTS)
-    strut = np.stack(
-        [-half + g.strut_length * np.cos(turn), foot + g.strut_length * np.sin(turn)], -1
-    )
-    curves.append(PlaneCurve("strut", strut))
-    z = np.array([foot - g.strut_length, foot + g.strut_length])
+    g, plane = geometry, Plane.of(geometry)
+    half_circle = 2.0 * np.pi if v is None else v * np.pi
+    curves = [
+        PlaneCurve(family, _arc(Curve(g, CurveKind.LEGS, rise), half_circle))
+        for family, rise in (
+            ("legs vertical", -g.leg_length),
+            ("legs vertical", g.leg_length),
+            ("legs flat", 0.0),
+        )
+    ]
+    strut = Curve(g, CurveKind.STRUT_TOP, g.strut_length)
+    curves.append(PlaneCurve("strut", _arc(strut, 2.0 * np.pi)))
+    z = np.array([plane.zb - g.strut_length, plane.zb + g.strut_length])
     curves += [
-        PlaneCurve("arm flat", np.stack([np.full(2, half + side * g.arm_length), z], -1))
+        PlaneCurve("arm flat", np.stack([np.full(2, plane.cx + side * g.arm_length), z], -1))
         for side in (-1.0, 1.0)
     ]
     return curves + [
@@ -71,17 +68,21 @@ def workspace_curves(geometry: Geometry, v: int | None = None) -> list[PlaneCurv
     ]
 
 
+def _arc(curve: Curve, end: float) -> FloatArray:
+    """Return the points of an arc's circle from the angle 0 to ``end`` [rad], shape (n, 2)."""
+    angle = np.linspace(0.0, end, _POINTS)
+    return curve.centre + curve.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
 def _case_2(g: Geometry, v: int) -> list[FloatArray]:
-    """Return the two arms of the quartic, left and right of its pole at beta = 90 degrees."""
-    half = g.rail_half_spacing - g.platform_half_width
-    foot = g.carriage_height + g.strut_drop
+    """Return the two arms of the quartic, left and right of its pole at delta = 0."""
+    plane = Plane.of(g)
     lines = []
-    quarter = np.linspace(0.0, 0.5 * np.pi, 30 * _POINTS)[:-1]
-    for beta in (quarter, np.pi - quarter):
-        X = 2.0 * half - g.arm_length * np.cos(beta)
-        Z = -v * X * np.tan(beta)
+    quarter = np.linspace(0.5 * np.pi, 0.0, 30 * _POINTS)[:-1]
+    for delta in (quarter, -quarter):
+        X, Z, *_ = _case2_columns(delta, plane.F1, g.arm_length, v)
         near = np.abs(Z) <= g.strut_length
-        line = np.stack([X - half, foot + Z], axis=-1)[near]
+        line = np.stack([X + plane.xb, Z + plane.zb], axis=-1)[near]
         if len(line) > 1:
             lines.append(line[np.linspace(0, len(line) - 1, min(len(line), 120)).astype(int)])
     return lines
