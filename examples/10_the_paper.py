@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 import duoglide as dg
-from duoglide.kinematics.topology import analyse as analyse_topology
-from duoglide.kinematics.topology import delta, duoglide_robot
 from duoglide.kinematics.workspace import analyse, section
+from duoglide.paper import topology
 
-for mechanism in (duoglide_robot(), delta()):
-    found = analyse_topology(mechanism)
+for mechanism in (topology.duoglide_robot(), topology.delta()):
+    found = topology.analyse(mechanism)
     degrees = found.decomposition.constraint_degrees
     print(f"{mechanism.name}: F = {found.dof}, Delta = {degrees}, kappa {found.coupling_degree:g}")
 

@@ -256,7 +256,7 @@ def test_disabling_brakes_the_carriage_and_sets_the_brake(
 
 
 def test_a_quick_stop_holds_under_power(enabled: list[Axis], drives: SimulatedDrives) -> None:
-    enabled[0].quick_stop()
+    enabled[0].write(0x6040, 0, Control.QUICK_STOP)
     assert enabled[0].read_state() is State.QUICK_STOP_ACTIVE
     assert drives.snapshot()[0].brake_released
     enabled[0].disable()
@@ -337,6 +337,6 @@ def test_a_drive_that_can_only_stop_and_switch_off_does_so(network: canopen.Netw
     axis = with_quirks(network, DriveSettings(), Quirks(quick_stop_option=2))
     axis.configure()
     axis.enable()
-    axis.quick_stop()
+    axis.write(0x6040, 0, Control.QUICK_STOP)
     axis.go_to(State.SWITCH_ON_DISABLED)
     axis.close()

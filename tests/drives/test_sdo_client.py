@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 from collections.abc import Callable
 from typing import Any
 
@@ -29,6 +30,7 @@ class Network:
         self.replies = list(replies)
         self.asked: list[bytes] = []
         self.broken = False
+        self.late: list[bytes] = []
 
     def subscribe(self, can_id: int, callback: Callable[..., None]) -> None:
         assert can_id == 0x580 + NODE
@@ -41,9 +43,28 @@ class Network:
         if self.broken:
             raise can.CanOperationError("no buffer space")
         assert can_id == 0x600 + NODE
+        self.deliver_late()
         self.asked.append(bytes(data))
         for reply in self.replies.pop(0) if self.replies else []:
             self.callback(0x580 + NODE, bytearray(reply), 0.0)
+
+    def deliver_late(self) -> None:
+        """Deliver what comes after the answers to the second request, before anything else."""
+        while self.late and len(self.asked) > 1:
+            self.callback(0x580 + NODE, bytearray(self.late.pop()), 0.0)
+
+
+class Answers(queue.Queue[bytes]):
+    """Answers that wait; whoever finds none lets time pass until the late one comes."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.network = network
+
+    def get(self, block: bool = True, timeout: float | None = None) -> bytes:
+        if self.empty():
+            self.network.deliver_late()
+        return super().get(block, timeout)
 
 
 def client(network: Any, retries: int = 2) -> SdoClient:
@@ -76,8 +97,9 @@ def test_answers_that_come_in_another_order_belong_to_their_objects() -> None:
 
 def test_a_repeated_request_is_answered_twice_and_the_second_is_not_kept() -> None:
     stale, fresh = answer(0x43, 0x6064, 0, 1), answer(0x43, 0x6064, 0, 2)
-    network = Network([], [stale, stale], [fresh])
+    network = Network([], [stale], [fresh])
     drive = client(network)
+    network.late, drive.responses = [stale], Answers(network)
     assert drive.upload(0x6064, 0) == b"\1\0\0\0"
     assert drive.upload(0x6064, 0) == b"\2\0\0\0"
 
@@ -96,6 +118,19 @@ def test_silence_is_asked_as_often_as_agreed() -> None:
     with pytest.raises(DriveTimeout, match=r"writing 0x6040:0: no answer .* asked 3 times"):
         client(network).download(0x6040, 0, b"\x06\x00")
     assert network.asked == [bytes((0x2B, 0x40, 0x60, 0, 6, 0, 0, 0))] * 3
+
+
+def test_without_retries_silence_is_asked_once() -> None:
+    network = Network()
+    with pytest.raises(DriveTimeout, match="asked 1 times"):
+        client(network, retries=0).upload(0x6064, 0)
+    assert len(network.asked) == 1
+
+
+def test_a_confirmation_of_another_write_confirms_nothing() -> None:
+    network = Network([answer(0x60, 0x6041, 0, 0)])
+    with pytest.raises(DriveTimeout, match="writing 0x6040:0"):
+        client(network).download(0x6040, 0, b"\x06\x00")
 
 
 def test_segments_are_joined_in_the_order_of_their_toggle_bits() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.errors import ConfigError, InputError
-from duoglide.kinematics.export import build_tree, to_mjcf, to_urdf
+from duoglide.kinematics.export import build_tree, to_mjcf
 from duoglide.kinematics.home import home_position
 
 mujoco = pytest.importorskip("mujoco")
@@ -229,33 +229,6 @@ def test_the_simulation_keeps_the_loops_closed_while_it_moves() -> None:
     assert carriages == pytest.approx(goal, abs=0.1)
     assert np.abs(witness.residual).max() < 1e-5  # [m]
     assert witness.position == pytest.approx(dg.forward(machine.geometry, carriages), abs=0.1)
-
-
-def test_the_urdf_is_a_tree_with_every_body_and_names_its_closures() -> None:
-    root = Xml.fromstring(to_urdf(dg.Machine.default()))
-    children = [joint.find("child") for joint in root.iter("joint")]
-    names = {child.get("link") for child in children if child is not None}
-    links = {link.get("name") for link in root.iter("link")}
-    assert len(children) == len(names) == 13
-    assert links - names == {"base"}
-    assert to_urdf(dg.Machine.default()).count("coupler at") == 1
-
-
-def test_a_cylinder_of_the_urdf_lies_on_its_bar() -> None:
-    machine = dg.Machine.default()
-    tree = build_tree(machine)
-    leg = next(body for body in tree.bodies if body.name == "leg_1")
-    root = Xml.fromstring(to_urdf(machine))
-    origin = root.find("link[@name='leg_1']/visual/origin")
-    assert origin is not None
-    roll, pitch, _ = map(float, origin.get("rpy", "").split())
-    direction = [
-        np.sin(pitch) * np.cos(roll),
-        -np.sin(roll),
-        np.cos(pitch) * np.cos(roll),
-    ]
-    run = np.subtract(leg.bars[0].end, leg.bars[0].start)
-    assert direction == pytest.approx(run / np.linalg.norm(run))
 
 
 def test_poses_beyond_reach_and_batches_are_refused() -> None:

@@ -75,7 +75,7 @@ def test_hold_comes_to_rest_in_the_certified_time_and_resume_goes_on() -> None:
         clock.step(CYCLE)
     clock.hold()
     assert clock.state is ClockState.HOLDING
-    for _ in range(int(BOUNDS.stop_times()[0] / CYCLE) + 2):
+    for _ in range(int(BOUNDS.falling.change_times()[0] / CYCLE) + 2):
         held, rate = clock.step(CYCLE)
     assert clock.state is ClockState.HELD
     assert rate == 0.0

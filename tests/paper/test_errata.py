@@ -12,8 +12,8 @@ import pytest
 
 import duoglide as dg
 from duoglide.kinematics.singularity import margins
-from duoglide.kinematics.topology import analyse, duoglide_robot, screw_mobility
 from duoglide.kinematics.workspace import Constraints, admissible, grid_over_reach
+from duoglide.paper.topology import analyse, duoglide_robot, screw_mobility
 
 G = dg.Geometry()
 B, D, L1, L2, L3, L6, L9 = 90.0, 45.0, 70.0, 160.0, 120.0, 180.0, 300.0

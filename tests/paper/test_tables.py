@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.kinematics.topology import analyse, delta, duoglide_robot
+from duoglide.paper.topology import analyse, delta, duoglide_robot
 
 TABLE_1 = {
     "rail_half_length": 360, "rail_half_spacing": 90, "platform_half_width": 45,

@@ -112,7 +112,7 @@ def test_stops_come_near_to_what_no_stop_can_beat() -> None:
     v, a, j = np.abs(state.velocity), stop.acceleration, stop.jerk
     least = np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max(axis=-1)
     fast = least > 0.5 * least.max()
-    ratio = bounds.stop_times()[fast] / least[fast]
+    ratio = bounds.falling.change_times()[fast] / least[fast]
     assert np.median(ratio) < 2.4
     assert ratio.min() >= 1.0
 
@@ -122,7 +122,7 @@ def test_a_plan_that_leaves_no_reserve_can_still_be_stopped() -> None:
     trajectory = moved(machine)
     worst = many_runs(trajectory, np.random.default_rng(5), 5)
     assert worst.max() <= 1.05
-    assert np.isfinite(trajectory.stops.stop_times()).all()
+    assert np.isfinite(trajectory.stops.falling.change_times()).all()
 
 
 def test_a_motion_that_goes_nowhere_has_bounds() -> None:

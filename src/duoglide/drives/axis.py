@@ -153,10 +153,6 @@ class Axis(DriveObjects):
         if self.read_state() not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             self.go_to(State.SWITCH_ON_DISABLED)
 
-    def quick_stop(self) -> None:
-        """Ask for a quick stop; it brakes at 0x6085."""
-        self.write(0x6040, 0, Control.QUICK_STOP)
-
     def reset_fault(self) -> None:
         """Acknowledge a fault, by a rising edge; nothing happens without one.
 

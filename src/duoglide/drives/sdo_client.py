@@ -1,26 +1,28 @@
-"""An SDO client that retries, tells time-outs from refusals, and ignores answers that come late.
+"""canopen's SDO client, with another way from a request to its answer, and with our errors.
 
-canopen's own client takes the late answer to one request for the answer to the next, and writes
-to the log on its own account. Blocking: never call it from a callback of the bus.
+canopen's own fails a read at a late answer to another request, takes any late confirmation for that
+of a write, leaves the second answer to a repeated request to whoever asks next, and repeats the
+request for a segment, which a drive cannot answer twice. Blocking: never call it from a callback of
+the bus.
 """
 
 from __future__ import annotations
 
 import queue
-import struct
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import can
+import canopen
+from canopen.sdo import SdoAbortedError, SdoCommunicationError
+from canopen.sdo import SdoClient as CanopenClient
 
 from duoglide.drives.pdo import SDO_REPLY, SDO_REQUEST
 from duoglide.errors import BusError, DriveError, DriveTimeout
 
-if TYPE_CHECKING:
-    import canopen
-
-_HEAD = struct.Struct("<BHB")
+_ANSWER_TO = {1: 3, 2: 2, 0: 1, 3: 0}  # command specifiers: write, read, and a segment of either
+_SEGMENTS = (0, 3)
 _ABORT = 4
 
 ABORT_WORDS = {
@@ -57,7 +59,7 @@ class SdoRefusalError(DriveError):
         self.abort = abort
 
 
-class SdoClient:
+class SdoClient(CanopenClient):  # type: ignore[misc]  # canopen is not typed
     """Reads and writes the objects of one drive.
 
     Args:
@@ -71,23 +73,24 @@ class SdoClient:
     def __init__(
         self, network: canopen.Network, node_id: int, axis: int, timeout: float, retries: int
     ) -> None:
-        self._network = network
-        self._node_id = node_id
+        super().__init__(SDO_REQUEST + node_id, SDO_REPLY + node_id, canopen.ObjectDictionary())
+        self.network = network
+        self._drive = f"axis {axis} (node {node_id})"
         self._axis = axis
         self._timeout = timeout
         self._retries = retries
-        self._answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        network.subscribe(SDO_REPLY + node_id, self._on_answer)
+        network.subscribe(self.tx_cobid, self.on_response)
 
     def close(self) -> None:
         """Stop listening."""
-        self._network.unsubscribe(SDO_REPLY + self._node_id, self._on_answer)
+        self.network.unsubscribe(self.tx_cobid, self.on_response)
 
-    def _on_answer(self, can_id: int, data: bytearray, timestamp: float) -> None:
+    def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        """Keep an answer for whoever waits; one that was cut short is none."""
         if len(data) == 8:
-            self._answers.put(bytes(data))
+            super().on_response(can_id, data, timestamp)
 
-    def upload(self, index: int, sub: int, timeout: float | None = None) -> bytes:
+    def upload(self, index: int, subindex: int, timeout: float | None = None) -> bytes:
         """Read an object.
 
         Raises:
@@ -95,109 +98,77 @@ class SdoClient:
             SdoRefusalError: The drive refuses.
             BusError: The bus has failed.
         """
-        name = f"reading 0x{index:04X}:{sub}"
-        request = _HEAD.pack(0x40, index, sub) + bytes(4)
-        restarts = self._retries
-        while True:
-            answer = self._ask(request, _for(index, sub, 0x40), name, timeout)
-            if answer[0] & 2:
-                size = 4 - (answer[0] >> 2 & 3) if answer[0] & 1 else 4
-                return answer[4 : 4 + size]
-            try:
-                return self._segments(name, timeout)
-            except DriveTimeout:  # a segment cannot be asked for twice, the object can
-                if not restarts:
-                    raise
-                restarts -= 1
+        with self._transfer(f"reading 0x{index:04X}:{subindex}", timeout):
+            restarts = self._retries
+            while True:
+                stream = self.open(index, subindex, buffering=0)
+                try:
+                    return bytes(stream.read())
+                except SdoCommunicationError:  # of a segment; the object can be asked for again
+                    if not restarts:
+                        raise
+                    restarts -= 1
 
-    def _segments(self, name: str, timeout: float | None) -> bytes:
-        """Read an object of more than four bytes, whose transfer has begun."""
-        value, toggle = b"", 0
-        while True:
-            request = bytes((0x60 | toggle,)) + bytes(7)
-            answer = self._ask(request, _segment(toggle), name, timeout, retries=0)
-            value += answer[1 : 8 - (answer[0] >> 1 & 7)]
-            if answer[0] & 1:
-                return value
-            toggle ^= 0x10
-
-    def download(self, index: int, sub: int, data: bytes) -> None:
+    def download(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object of up to four bytes; raises as ``upload`` does."""
-        command = 0x23 | (4 - len(data)) << 2
-        request = _HEAD.pack(command, index, sub) + data.ljust(4, b"\0")
-        name = f"writing 0x{index:04X}:{sub}"
-        self._ask(request, _for(index, sub, 0x60), name, None)
+        with self._transfer(f"writing 0x{index:04X}:{subindex}", None):
+            super().download(index, subindex, data)
 
-    def _ask(
-        self,
-        request: bytes,
-        fits: Callable[[bytes], bool],
-        name: str,
-        timeout: float | None,
-        retries: int | None = None,
-    ) -> bytes:
-        while not self._answers.empty():
-            self._answers.get_nowait()
-        tries = 1 + (self._retries if retries is None else retries)
-        patience = self._timeout if timeout is None else timeout
-        for attempt in range(tries):
-            try:
-                self._network.send_message(SDO_REQUEST + self._node_id, request)
-            except can.CanError as error:
-                raise BusError(f"axis {self._axis}, {name}: {error}") from error
-            answer = self._wait(fits, patience)
-            if answer is not None:
-                self._swallow(fits, attempt, patience)
-                return self._checked(answer, name)
-        raise DriveTimeout(
-            f"axis {self._axis} (node {self._node_id}), {name}: no answer"
-            f" within {patience:g} s, asked {tries} times",
-            axis=self._axis,
+    @contextmanager
+    def _transfer(self, name: str, timeout: float | None) -> Iterator[None]:
+        """Bound the wait for each answer, and name the axis and the object in errors."""
+        self.RESPONSE_TIMEOUT = self._timeout if timeout is None else timeout
+        try:
+            yield
+        except SdoAbortedError as refusal:
+            words = ABORT_WORDS.get(refusal.code, "unknown abort code")
+            raise SdoRefusalError(
+                f"{self._drive}, {name}: refused, {words} (0x{refusal.code:08X})",
+                axis=self._axis,
+                abort=refusal.code,
+            ) from refusal
+        except SdoCommunicationError as silence:
+            raise DriveTimeout(f"{self._drive}, {name}: {silence}", axis=self._axis) from silence
+        except can.CanError as error:
+            raise BusError(f"axis {self._axis}, {name}: {error}") from error
+
+    def request_response(self, sdo_request: bytes) -> bytes:
+        """Send a request until it is answered; what answers another one is dropped."""
+        while not self.responses.empty():
+            self.responses.get_nowait()
+        tries = 1 if sdo_request[0] >> 5 in _SEGMENTS else 1 + self._retries
+        for repeats in range(tries):
+            self.network.send_message(self.rx_cobid, sdo_request)
+            answer = self._answer_to(sdo_request)
+            if answer is None:
+                continue
+            for _ in range(repeats):  # the answers that come late, or they come as the next
+                if self._answer_to(sdo_request) is None:
+                    break
+            if answer[0] >> 5 == _ABORT:
+                raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
+            return answer
+        raise SdoCommunicationError(
+            f"no answer within {self.RESPONSE_TIMEOUT:g} s, asked {tries} times"
         )
 
-    def _wait(self, fits: Callable[[bytes], bool], patience: float) -> bytes | None:
-        deadline = time.monotonic() + patience
+    def _answer_to(self, request: bytes) -> bytes | None:
+        deadline = time.monotonic() + self.RESPONSE_TIMEOUT
         while (left := deadline - time.monotonic()) > 0.0:
             try:
-                answer = self._answers.get(timeout=left)
+                answer: bytes = self.responses.get(timeout=left)
             except queue.Empty:
                 return None
-            if fits(answer):
+            if _fits(answer, request):
                 return answer
         return None
 
-    def _swallow(self, fits: Callable[[bytes], bool], count: int, patience: float) -> None:
-        """Wait for the answers to the requests that were repeated, or they come as the next."""
-        for _ in range(count):
-            if self._wait(fits, patience) is None:
-                return
 
-    def _checked(self, answer: bytes, name: str) -> bytes:
-        if answer[0] >> 5 != _ABORT:
-            return answer
-        abort = int.from_bytes(answer[4:8], "little")
-        words = ABORT_WORDS.get(abort, "unknown abort code")
-        raise SdoRefusalError(
-            f"axis {self._axis} (node {self._node_id}), {name}: refused, {words} (0x{abort:08X})",
-            axis=self._axis,
-            abort=abort,
-        )
-
-
-def _for(index: int, sub: int, command: int) -> Callable[[bytes], bool]:
-    """Return whether an answer is for this object."""
-
-    def fits(answer: bytes) -> bool:
-        kind = answer[0] & 0xE0
-        return _HEAD.unpack_from(answer)[1:] == (index, sub) and kind in (command, _ABORT << 5)
-
-    return fits
-
-
-def _segment(toggle: int) -> Callable[[bytes], bool]:
-    """Return whether an answer is a segment with this toggle bit."""
-
-    def fits(answer: bytes) -> bool:
-        return answer[0] >> 5 == _ABORT or (answer[0] >> 5 == 0 and answer[0] & 0x10 == toggle)
-
-    return fits
+def _fits(answer: bytes, request: bytes) -> bool:
+    """Return whether an answer, or a refusal, is to this request."""
+    asked, kind = request[0] >> 5, answer[0] >> 5
+    if asked in _SEGMENTS:
+        same = kind == _ABORT or not (answer[0] ^ request[0]) & 0x10  # the toggle bit
+    else:
+        same = answer[1:4] == request[1:4]  # the object
+    return same and kind in (_ANSWER_TO[asked], _ABORT)

@@ -118,7 +118,7 @@ def require_forward(carriages: FloatArray, k: Constants) -> None:
 
 
 def _legs_too_short(start: str, index: tuple[int, ...], B: float, k: Constants) -> UnreachableError:
-    l2, l3 = k[:2]
+    l2, l3, *_ = k
     short = 0.5 * abs(B) - l2
     return UnreachableError(
         f"{start}the legs are {short:.6g} mm too short; yA2 - yA1 must be from"
@@ -134,7 +134,7 @@ def _loop_open(
 ) -> UnreachableError:
     """Say which of arm and strut is too short; ``sides`` are the offset and the centre."""
     offset, centre = sides
-    l6, l9 = k[4], k[5]
+    _, _, _, _, l6, l9, *_ = k
     if offset > l9:
         link, short = "strut", offset - l9
         remedy = f"carriage 3 must stand within {l9:.6g} mm of the platform along y"

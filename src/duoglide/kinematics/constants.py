@@ -1,8 +1,12 @@
-"""What the kernels need of a geometry and a mode, computed once and kept on the geometry."""
+"""What the formulas need of a geometry: its plane, and the numbers of a mode kept on the geometry.
+
+The kernels take plain tuples and unpack them in one line: a named tuple takes 0.15 us longer to
+unpack, and one pose takes 3 us in all.
+"""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from duoglide.errors import InputError
 from duoglide.kinematics.modes import AssemblyMode, WorkingMode, number
@@ -11,6 +15,39 @@ from duoglide.machine import Geometry
 Constants: TypeAlias = tuple[float, ...]
 
 FAINT = 1e-12  # share of the square of a length, below which rounding has to be looked at
+
+
+class Plane(NamedTuple):
+    """Where the mechanism stands in the xz plane, as the platform centre O' sees it [mm].
+
+    Attributes:
+        cx: b - d: u = x - cx is 0 where the arm stands upright.
+        base: l1 + l4 + l7: h = z - base - A is the rise of the legs.
+        xb: d - b: X = x - xb runs from B3 to C3.
+        zb: l1 + l8: so does Z = z - zb.
+        F1: 2 (b - d): X = u + F1.
+        lift: l4 + l7 - l8: F3 = lift + h.
+    """
+
+    cx: float
+    base: float
+    xb: float
+    zb: float
+    F1: float
+    lift: float
+
+    @classmethod
+    def of(cls, g: Geometry) -> Plane:
+        """Return the plane of a geometry."""
+        cx = g.rail_half_spacing - g.platform_half_width
+        return cls(
+            cx=cx,
+            base=g.carriage_height + g.riser_height + g.arm_drop,
+            xb=-cx,
+            zb=g.carriage_height + g.strut_drop,
+            F1=2.0 * cx,
+            lift=g.riser_height + g.arm_drop - g.strut_drop,
+        )
 
 
 def pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
@@ -41,15 +78,15 @@ def carriage_constants(g: Geometry, mode: AssemblyMode) -> Constants:
 
 def _new_pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
     _require(g, mode, WorkingMode)
-    shift = g.rail_half_spacing - g.platform_half_width
+    plane = Plane.of(g)
     constants = (
-        shift,
-        g.carriage_height + g.riser_height + g.arm_drop,
+        plane.cx,
+        plane.base,
         g.arm_length,
         g.leg_length,
         0.5 * g.coupler_length,
-        -shift,
-        g.carriage_height + g.strut_drop,
+        plane.xb,
+        plane.zb,
         g.strut_length,
         1.0 * mode.v,  # numba wants all of one type
         1.0 * mode.w1,
@@ -61,9 +98,8 @@ def _new_pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
 
 def _new_carriage_constants(g: Geometry, mode: AssemblyMode) -> Constants:
     _require(g, mode, AssemblyMode)
-    F1 = 2.0 * (g.rail_half_spacing - g.platform_half_width)
+    _, _, xb, zb, F1, lift = Plane.of(g)
     l2, l6, l9 = g.leg_length, g.arm_length, g.strut_length
-    lift = g.riser_height + g.arm_drop - g.strut_drop
     largest = l9 * l9 + l6 * l6 + F1 * F1 + (abs(lift) + l2) ** 2  # of the squares in ``cross``
     constants = (
         l2,
@@ -72,8 +108,8 @@ def _new_carriage_constants(g: Geometry, mode: AssemblyMode) -> Constants:
         lift,
         l6,
         l9,
-        -0.5 * F1,
-        g.carriage_height + g.strut_drop,
+        xb,
+        zb,
         1.0 * mode.m,
         1.0 * mode.n,
         F1 * F1,

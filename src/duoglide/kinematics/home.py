@@ -6,6 +6,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray, read_only
 from duoglide.errors import ConfigError
+from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.model import inverse, reachable
 from duoglide.kinematics.singularity import clearance, margins
 from duoglide.machine import Machine
@@ -87,9 +88,8 @@ def room(machine: Machine, position: FloatArray) -> FloatArray:
 def _deepest(machine: Machine) -> FloatArray:
     """Search the xz plane on ever finer grids; y puts the carriages amid their travel."""
     g = machine.geometry
-    centre = np.array(
-        [g.rail_half_spacing - g.platform_half_width, g.carriage_height + g.strut_drop]
-    )
+    plane = Plane.of(g)
+    centre = np.array([plane.cx, plane.zb])
     half = np.array([g.arm_length, g.strut_length])
     best, most = np.zeros(3), -np.inf
     for _ in range(ROUNDS):

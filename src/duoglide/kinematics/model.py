@@ -65,7 +65,7 @@ def inverse(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
 def _inverse_at_edge(position: FloatArray, k: Constants) -> FloatArray:
     """Refuse what is beyond reach; take what only rounding has put there for the edge itself."""
     reach = require_reach(position, k)
-    half, (w1, w2, w3) = k[4], k[9:]
+    _, _, _, _, half, _, _, _, _, w1, w2, w3 = k
     y = position[..., 1]
     columns = y - half + w1 * reach.p, y + half + w2 * reach.p, y + w3 * reach.q
     return np.stack(columns, axis=-1)

@@ -77,7 +77,7 @@ def require_reach(position: FloatArray, k: Constants) -> Reach:
     within = reach.within
     if not within.all():
         index = tuple(int(i) for i in np.argwhere(~within)[0])
-        raise _unreachable(position[index], reach.lacking[index], index, k)
+        raise _unreachable(position[index], reach, index, k)
     return reach
 
 
@@ -103,11 +103,11 @@ def require_inside(position: FloatArray, reach: Reach) -> None:
 
 
 def _unreachable(
-    pose: FloatArray, lacking: FloatArray, index: tuple[int, ...], k: Constants
+    pose: FloatArray, reach: Reach, index: tuple[int, ...], k: Constants
 ) -> UnreachableError:
-    cx, base, l6, l2, _half, xb, zb, l9, v, *_ = k
+    cx, base, l6, l2, _half, xb, zb, l9, *_ = k
     x, y, z = pose.tolist()
-    arm, legs, strut = lacking.tolist()
+    arm, legs, strut = reach.lacking[index].tolist()
     if arm > EDGE:
         link, short = "arm", arm
         remedy = f"x from {cx - l6:.6g} to {cx + l6:.6g} mm is within it"
@@ -118,7 +118,7 @@ def _unreachable(
         remedy = f"(x, z) = ({near[0]:.6g}, {near[1]:.6g}) is the nearest that it reaches"
     else:
         link, short = "legs", legs
-        middle = base + v * float(np.sqrt(max((l6 - (x - cx)) * (l6 + (x - cx)), 0.0)))
+        middle = base + float(reach.A[index])
         remedy = f"at this x they reach z from {middle - l2:.6g} to {middle + l2:.6g} mm"
     where = f"position[{', '.join(map(str, index))}]" if index else "position"
     verb = "are" if link == "legs" else "is"

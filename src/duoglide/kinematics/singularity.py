@@ -141,10 +141,11 @@ def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
 def _margins_at_edge(position: FloatArray, k: Constants) -> FloatArray:
     """Refuse what is beyond reach; take what only rounding has put there for the edge itself."""
     reach = require_reach(position, k)
-    u, X, Z = position[..., 0] - k[0], position[..., 0] - k[5], position[..., 2] - k[6]
+    cx, _, l6, l2, _, xb, zb, *_ = k
+    u, X, Z = position[..., 0] - cx, position[..., 0] - xb, position[..., 2] - zb
     left = -np.minimum(reach.lacking, 0.0)
-    rise = np.clip(reach.h, -k[3], k[3])
-    return np.stack([left[..., 2], rise, (X * reach.A - Z * u) / k[2], left[..., 0]])
+    rise = np.clip(reach.h, -l2, l2)
+    return np.stack([left[..., 2], rise, (X * reach.A - Z * u) / l6, left[..., 0]])
 
 
 def clearance(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> FloatArray:

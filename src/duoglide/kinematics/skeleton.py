@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
+from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.model import inverse
 from duoglide.kinematics.modes import WORKING, WorkingMode
+from duoglide.kinematics.reach import reach_of
 from duoglide.machine import Geometry
 
 LINKS = {  # name of the link: the joints at its ends, by the paper's letters (Fig. 2)
@@ -51,9 +53,7 @@ def joints(
     g = geometry
     x, y, z = pose[..., 0], pose[..., 1], pose[..., 2]
     b, d = g.rail_half_spacing, g.platform_half_width
-    cos_beta = (b - d - x) / g.arm_length
-    sin_beta = mode.v * np.sqrt(np.maximum(1.0 - cos_beta**2, 0.0))
-    z_arm = z - g.arm_drop - g.arm_length * sin_beta
+    z_arm = z - g.arm_drop - reach_of(pose, pose_constants(g, mode)).A
     z_leg = z_arm - g.riser_height
     half = g.coupler_length / 2.0
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
 from typing import Any
 
 import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.derivatives import carriage_jets
 from duoglide.kinematics.model import inverse_derivatives
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
@@ -71,36 +71,11 @@ class CarriagePath:
         """
         states = self.checked.curve.derivatives(sigma, piece)
         if states.ndim == 2:
-            return _one_point(states.tolist(), self._constants)
+            x, y, z = zip(*states.tolist(), strict=True)
+            return np.array(carriage_jets(x, y, z, self._constants)).T
         return inverse_derivatives(self.checked.machine.geometry, states)
 
 
 def map_to_carriages(checked: CheckedPath) -> CarriagePath:
     """Carry a checked path to the rails."""
     return CarriagePath(checked)
-
-
-def _one_point(rows: list[list[float]], k: Constants) -> FloatArray:
-    """Do what ``inverse_derivatives`` does, in plain floats: the stream has no time for arrays."""
-    cx, base, l6, l2, half, xb, zb, l9, v, w1, w2, w3 = k
-    x, y, z = zip(*rows, strict=True)
-    u, X, Z = x[0] - cx, x[0] - xb, z[0] - zb
-    A = _root(v * sqrt((l6 - u) * (l6 + u)), (u, *x[1:]), (0.0, 0.0, 0.0, 0.0))
-    h = (z[0] - base - A[0], z[1] - A[1], z[2] - A[2], z[3] - A[3])
-    p = _root(sqrt((l2 - h[0]) * (l2 + h[0])), h, (0.0, 0.0, 0.0, 0.0))
-    q = _root(sqrt(l9 * l9 - (X * X + Z * Z)), (X, *x[1:]), (Z, *z[1:]))
-    offsets = (half, 0.0, 0.0, 0.0)
-    return np.array(
-        [
-            [yi - shift + w1 * pi, yi + shift + w2 * pi, yi + w3 * qi]
-            for yi, shift, pi, qi in zip(y, offsets, p, q, strict=True)
-        ]
-    )
-
-
-def _root(r: float, a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, ...]:
-    """Differentiate r = sqrt(L^2 - a^2 - b^2) three times, from r r' = -(a a' + b b')."""
-    r1 = -(a[0] * a[1] + b[0] * b[1]) / r
-    r2 = -(a[1] * a[1] + a[0] * a[2] + b[1] * b[1] + b[0] * b[2] + r1 * r1) / r
-    r3 = -(3.0 * (a[1] * a[2] + b[1] * b[2] + r1 * r2) + a[0] * a[3] + b[0] * b[3]) / r
-    return r, r1, r2, r3

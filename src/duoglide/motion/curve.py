@@ -250,10 +250,6 @@ class Curve:
         coefficients[:, 0, :] += offset
         return Curve(self.spans, self.rates, coefficients, self.rests)
 
-    def with_rests(self, rests: tuple[float, ...]) -> Curve:
-        """Return this curve with other rests."""
-        return Curve(self.spans, self.rates, self.coefficients, rests)
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists of floats, from which ``from_dict`` builds this very curve."""
         return {

@@ -102,18 +102,6 @@ class Profile:
             6.0 * c3 + u * (24.0 * c4 + u * (60.0 * c5)),
         )
 
-    def within_pieces(self, points: int) -> tuple[FloatArray, FloatArray]:
-        """Evaluate at ``points`` evenly spaced times of each piece, both of its ends included.
-
-        The ends belong to the piece on both sides, with that piece's third derivative.
-
-        Returns:
-            The times (n, points), and sigma with its derivatives there (n, points, 4).
-        """
-        span = np.diff(self.knots[:, TIME])[:, None]
-        u = np.linspace(0.0, 1.0, points) * span
-        return self.knots[:-1, TIME, None] + u, evaluate(self._polynomials[:, None, :], u)
-
     def time_at(self, sigma: float) -> float:
         """Return the first time at which sigma is reached [s]; clamped to both ends."""
         column = self.knots[:, SIGMA]

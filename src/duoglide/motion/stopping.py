@@ -144,10 +144,6 @@ class StopBounds:
             float(table.slope[cell]), float(table.bend[cell]), float(table.until[cell])
         )
 
-    def stop_times(self) -> FloatArray:
-        """Return how long a stop from full rate takes, by the cell where it begins [s], (n,)."""
-        return self.falling.change_times()
-
     def __eq__(self, other: object) -> bool:
         return isinstance(other, StopBounds) and self.to_dict() == other.to_dict()
 

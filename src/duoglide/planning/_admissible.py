@@ -6,7 +6,6 @@ the links do not close, or close in another assembly mode, there is no room.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -19,9 +18,6 @@ from duoglide.kinematics.singularity import clearance
 from duoglide.machine import Machine
 
 TOUCHING = 1e-7  # mm: what is within this of a bound touches it
-
-Motion = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Carriages and their velocities at times (n,), each (n, 3)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

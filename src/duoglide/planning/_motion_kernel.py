@@ -5,16 +5,18 @@ The same as ``CarriagePath.derivatives`` and the chain rule; a test holds the tw
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import cos, sin
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
-from duoglide.motion import carriage_path
+from duoglide.kinematics.derivatives import carriage_jets, root_jet
 
-_root = inlined(carriage_path._root)  # one formula, one place
+register_jitable(forceinline=True)(root_jet)
+register_jitable(forceinline=True)(carriage_jets)  # called, it would take half as long again
 
 
 def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArray) -> None:
@@ -50,28 +52,17 @@ point = inlined(_point)
 
 def _carriages(r: FloatArray, constants: Any, q: FloatArray) -> bool:
     """Write the carriages and three derivatives, (4, 3); return whether the point is in reach."""
-    cx, base, l6, l2, half, xb, zb, l9, v, w1, w2, w3 = constants
-    u = r[0, 0] - cx
-    x = r[0, 0] - xb
-    z = r[0, 2] - zb
-    if abs(u) >= l6 or x * x + z * z >= l9 * l9:
-        return False
-    none = (0.0, 0.0, 0.0, 0.0)
-    dx = (u, r[1, 0], r[2, 0], r[3, 0])
-    a = _root(v * sqrt((l6 - u) * (l6 + u)), dx, none)
-    h = (r[0, 2] - base - a[0], r[1, 2] - a[1], r[2, 2] - a[2], r[3, 2] - a[3])
-    if abs(h[0]) >= l2:
-        return False
-    p = _root(sqrt((l2 - h[0]) * (l2 + h[0])), h, none)
-    across = (x, r[1, 0], r[2, 0], r[3, 0])
-    up = (z, r[1, 2], r[2, 2], r[3, 2])
-    s = _root(sqrt(l9 * l9 - (x * x + z * z)), across, up)
-    for k in range(4):
-        shift = half if k == 0 else 0.0
-        q[k, 0] = r[k, 1] - shift + w1 * p[k]
-        q[k, 1] = r[k, 1] + shift + w2 * p[k]
-        q[k, 2] = r[k, 1] + w3 * s[k]
-    return True
+    first, second, third = carriage_jets(
+        (r[0, 0], r[1, 0], r[2, 0], r[3, 0]),
+        (r[0, 1], r[1, 1], r[2, 1], r[3, 1]),
+        (r[0, 2], r[1, 2], r[2, 2], r[3, 2]),
+        constants,
+    )
+    q[0, 0], q[1, 0], q[2, 0], q[3, 0] = first
+    q[0, 1], q[1, 1], q[2, 1], q[3, 1] = second
+    q[0, 2], q[1, 2], q[2, 2], q[3, 2] = third
+    total = q[3, 0] + q[3, 2]
+    return bool(total - total == 0.0)  # finite
 
 
 carriages = inlined(_carriages)

@@ -31,8 +31,6 @@ from duoglide.machine import Machine
 from duoglide.planning._admissible import Room, box_distance, locate
 from duoglide.planning._nearby_kernel import swing
 
-COLUMNS = ("carriage 1", "carriage 2", "carriage 3", "B", "D")  # of ``Patch.beyond``
-
 _FARTHEST_ANCHOR = 0.25  # of the leg's length
 _NEAREST_ANCHOR = 1e-3  # mm
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.viewer.figures.surfaces import (
+from duoglide.paper.figures.surfaces import (
     COLOURS,
     extruded,
     within_reach,

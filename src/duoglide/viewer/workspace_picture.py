@@ -10,7 +10,7 @@ from duoglide.drawing.picture import Picture, drawn
 from duoglide.drawing.section import OUTLINE, draw_section
 from duoglide.kinematics.workspace import WorkspaceReport
 from duoglide.machine import Machine
-from duoglide.viewer.figures.surfaces import COLOURS, within_reach, workspace_curves
+from duoglide.paper.figures.surfaces import COLOURS, within_reach, workspace_curves
 
 _DEEP = "#cc0050"
 

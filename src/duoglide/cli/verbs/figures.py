@@ -31,7 +31,7 @@ def figures(
 ) -> None:
     """Draw the paper's figures for a machine: PDF, PNG, captions, and a page to turn them on."""
     described = load_machine(machine)
-    from duoglide.viewer.figures import write_figures
+    from duoglide.paper.figures import write_figures
 
     with progress("drawing", 1.0) as done:
         files = write_figures(

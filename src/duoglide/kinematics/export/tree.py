@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.errors import ConfigError, InputError
+from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import reachable
 from duoglide.kinematics.modes import WORKING, WorkingMode
@@ -234,9 +235,9 @@ def _reference_pose(machine: Machine | Geometry) -> FloatArray:
 def _deepest_of_grid(geometry: Geometry) -> FloatArray:
     """Find the pose with the most clearance on a grid over the reach of arm and strut."""
     g = geometry
-    centre = g.rail_half_spacing - g.platform_half_width
-    x = centre + g.arm_length * np.linspace(-0.99, 0.99, 81)
-    z = g.carriage_height + g.strut_drop + g.strut_length * np.linspace(-0.99, 0.99, 81)
+    plane = Plane.of(g)
+    x = plane.cx + g.arm_length * np.linspace(-0.99, 0.99, 81)
+    z = plane.zb + g.strut_length * np.linspace(-0.99, 0.99, 81)
     grid = np.stack(np.meshgrid(x, [0.0], z, indexing="ij"), axis=-1).reshape(-1, 3)
     grid = grid[reachable(g, grid)]
     sides = margins(g, grid)

@@ -9,11 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray, as_triples
+from duoglide.kinematics.constants import Plane, pose_constants
+from duoglide.kinematics.kernels import in_numpy, inverse_pose, margins_pose
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.workspace.constraints import Constraints, Range
 from duoglide.kinematics.workspace.interference import interference_gap
 from duoglide.machine import Geometry
+
+_inverse_columns, _margins_columns = in_numpy(inverse_pose), in_numpy(margins_pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,37 +63,30 @@ def columns(
         mode: Which of the inverse solutions; of it, the side m = +1 (legs above flat) counts.
     """
     g, c = geometry, constraints
-    centre = g.rail_half_spacing - g.platform_half_width
-    u, X = x - centre, x + centre
-    Z = z - g.carriage_height - g.strut_drop
+    plane, k = Plane.of(g), pose_constants(g, mode)
     with np.errstate(invalid="ignore"):  # beyond reach roots are NaN, and compare as false
-        A = mode.v * np.sqrt(g.arm_length**2 - u * u)
-        h = z - (g.carriage_height + g.riser_height + g.arm_drop) - A
-        p = np.sqrt(g.leg_length**2 - h * h)
-        q = np.sqrt(g.strut_length**2 - (X * X + Z * Z))
-        inside = (h >= 0.0) & (p >= 0.0) & (q >= 0.0)
+        carriages = _inverse_columns(x, 0.0, z, k)
+        strut, h, in_line, _ = _margins_columns(x, z, k)
+        inside = (h >= 0.0) & (h <= g.leg_length) & (strut >= 0.0)
         if not c.beyond_case_2:
-            inside &= X * A - Z * u >= 0.0
-        inside &= _within(np.arcsin(h / g.leg_length), c.leg_angle)
-        inside &= _within(np.arctan2(A, -u), c.arm_angle)
-        inside &= _within(np.arctan2(X, Z), c.strut_swing)
-        inside &= _within(mode.w3 * np.arcsin(q / g.strut_length), c.strut_tilt)
-        inside &= g.coupler_length + (mode.w2 - mode.w1) * p >= c.carriage_width
+            inside &= in_line >= 0.0
+        inside &= carriages[1] - carriages[0] >= c.carriage_width
+        for limits, angle in (
+            (c.leg_angle, lambda: np.arcsin(h / g.leg_length)),
+            (c.arm_angle, lambda: np.arctan2(z - plane.base - h, plane.cx - x)),
+            (c.strut_swing, lambda: np.arctan2(x - plane.xb, z - plane.zb)),
+            (c.strut_tilt, lambda: np.arcsin(carriages[2] / g.strut_length)),
+        ):
+            if limits != Range():
+                turned = angle()
+                inside &= (turned >= limits.low) & (turned <= limits.high)
     if inside.any():
         poses = np.stack([x[inside], np.zeros(int(inside.sum())), z[inside]], axis=-1)
         inside[inside] = _is_clear(g, poses, c, mode)
-    half = g.coupler_length / 2.0
-    offsets = np.stack([mode.w1 * p - half, mode.w2 * p + half, mode.w3 * q])
+    offsets = np.stack(carriages)
     low = np.where(inside, -c.travel - offsets.min(axis=0), inf)
     high = np.where(inside, c.travel - offsets.max(axis=0), -inf)
     return Columns(low, high)
-
-
-def _within(angle: FloatArray, limits: Range) -> BoolArray | bool:
-    """Whether an angle lies in its range; nothing is computed twice for an open one."""
-    if limits == Range():
-        return True
-    return (angle >= limits.low) & (angle <= limits.high)
 
 
 def _is_clear(g: Geometry, poses: FloatArray, c: Constraints, mode: WorkingMode) -> BoolArray:

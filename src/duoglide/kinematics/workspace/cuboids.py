@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
+from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.workspace.constraints import Constraints
 from duoglide.kinematics.workspace.grid import Grid
@@ -61,14 +62,12 @@ def along_rails(
         Least and greatest y [mm]; the least above the greatest where there is none.
     """
     g = geometry
-    centre = g.rail_half_spacing - g.platform_half_width
-    base = g.carriage_height + g.riser_height + g.arm_drop
-    foot = g.carriage_height + g.strut_drop
-    arm = _others(g.arm_length, _magnitudes(x[0] - centre, x[1] - centre))
+    cx, base, xb, zb, *_ = Plane.of(g)
+    arm = _others(g.arm_length, _magnitudes(x[0] - cx, x[1] - cx))
     low, high = arm if mode.v > 0 else (-arm[1], -arm[0])
     p = _others(g.leg_length, _magnitudes(z[0] - base - high, z[1] - base - low))
-    across = _magnitudes(x[0] + centre, x[1] + centre)
-    up = _magnitudes(z[0] - foot, z[1] - foot)
+    across = _magnitudes(x[0] - xb, x[1] - xb)
+    up = _magnitudes(z[0] - zb, z[1] - zb)
     q = _others(g.strut_length, (np.hypot(across[0], up[0]), np.hypot(across[1], up[1])))
     half = 0.5 * g.coupler_length
     ends = [

@@ -8,6 +8,7 @@ from enum import Enum
 import numpy as np
 
 from duoglide.arrays import FloatArray
+from duoglide.kinematics.constants import Plane
 from duoglide.machine import Geometry
 
 
@@ -39,12 +40,10 @@ class Curve:
     @property
     def centre(self) -> tuple[float, float]:
         """Centre (x, z) of the arc [mm]; of case 2, the pole's x and the height of B3."""
-        g = self.geometry
-        half = g.rail_half_spacing - g.platform_half_width
+        plane = Plane.of(self.geometry)
         if self.kind is CurveKind.LEGS:
-            return half, g.carriage_height + g.riser_height + g.arm_drop + self.level
-        foot = g.carriage_height + g.strut_drop
-        return (half if self.kind is CurveKind.CASE_2 else -half), foot
+            return plane.cx, plane.base + self.level
+        return (plane.cx if self.kind is CurveKind.CASE_2 else plane.xb), plane.zb
 
     @property
     def radius(self) -> float:
@@ -64,14 +63,9 @@ class Curve:
         u = x - x0
         with np.errstate(invalid="ignore", divide="ignore"):
             root = self._sign * np.sqrt(self.radius**2 - u * u)
-            height = root * (u + self._offset) / u if self.kind is CurveKind.CASE_2 else root
+            height = root * (u + 2.0 * x0) / u if self.kind is CurveKind.CASE_2 else root
         result: FloatArray = z0 + height
         return result
-
-    @property
-    def _offset(self) -> float:
-        """F1 = 2 (b - d), so that X = u + F1."""
-        return 2.0 * (self.geometry.rail_half_spacing - self.geometry.platform_half_width)
 
     def integral(self, start: float, end: float) -> float:
         """Return the integral of z over x, in closed form [mm^2]."""
@@ -86,5 +80,5 @@ class Curve:
         total = z0 * x + self._sign * 0.5 * (u * root + r * r * float(np.arcsin(u / r)))
         if self.kind is CurveKind.CASE_2:
             logarithm = float(np.log((r + root) / abs(u)))
-            total += self._sign * self._offset * (root - r * logarithm)
+            total += self._sign * 2.0 * x0 * (root - r * logarithm)
         return total

@@ -8,6 +8,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import InputError
+from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.workspace.columns import Columns, columns
 from duoglide.kinematics.workspace.constraints import Constraints
@@ -63,18 +64,16 @@ def grid_over_reach(
     if not step > 0.0:
         raise InputError(f"step = {step}: must be above 0 [mm]")
     g = geometry
-    centre = g.rail_half_spacing - g.platform_half_width
-    foot = g.carriage_height + g.strut_drop
+    cx, base, xb, zb, *_ = Plane.of(g)
     x = _centres(
-        max(centre - g.arm_length, -centre - g.strut_length),
-        min(centre + g.arm_length, -centre + g.strut_length),
+        max(cx - g.arm_length, xb - g.strut_length),
+        min(cx + g.arm_length, xb + g.strut_length),
         step,
     )
-    base = g.carriage_height + g.riser_height + g.arm_drop
     lowest, highest = sorted((base, base + mode.v * g.arm_length))
     z = _centres(
-        max(lowest, foot - g.strut_length),
-        min(highest + g.leg_length, foot + g.strut_length),
+        max(lowest, zb - g.strut_length),
+        min(highest + g.leg_length, zb + g.strut_length),
         step,
     )
     low, high = np.empty((2, x.size, z.size))

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
+from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.kernels import in_numpy, margins_pose
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.workspace.constraints import Constraints
 from duoglide.kinematics.workspace.curves import Curve, CurveKind
@@ -24,6 +26,8 @@ PARTS, ROUNDS = 16, 9  # 2^36 steps in a cell, 16 times finer at a time
 SHARES = np.linspace(0.0, 1.0, PARTS + 1)
 CHANGES_PER_CELL = 4
 SLIVER = 1e-9  # [mm], below which a stretch is rounding
+
+_margins_columns = in_numpy(margins_pose)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +104,9 @@ def section(
     bounds = _bounds(geometry, limits, y, mode)
     if bounds is None:
         return Section(())
-    order = _Order(_curves(geometry, bounds, mode.v), bounds, mode.v, limits.beyond_case_2)
-    middle = geometry.rail_half_spacing - geometry.platform_half_width
-    reach = geometry.arm_length
+    k = pose_constants(geometry, mode)
+    order = _Order(_curves(geometry, bounds, mode.v), bounds, k, limits.beyond_case_2)
+    middle, _, reach, *_ = k
     x = np.unique(np.append(np.linspace(middle - reach, middle + reach, SAMPLES), middle))
     breaks = np.concatenate([x[:1], _changes(order, x), x[-1:]])
     pieces = []
@@ -198,7 +202,7 @@ class _Order:
 
     curves: tuple[Curve, ...]
     bounds: _Bounds
-    v: int
+    constants: Constants
     beyond_case_2: bool
 
     def signatures(self, x: FloatArray) -> IndexArray:
@@ -216,16 +220,12 @@ class _Order:
 
     def _inside(self, x: FloatArray, z: FloatArray) -> BoolArray:
         """Whether points of the plane belong to the region."""
-        g = self.curves[0].geometry
-        half = g.rail_half_spacing - g.platform_half_width
-        u, X, Z = x - half, x + half, z - g.carriage_height - g.strut_drop
-        A = self.v * np.sqrt(np.maximum((g.arm_length - u) * (g.arm_length + u), 0.0))
-        h = z - g.carriage_height - g.riser_height - g.arm_drop - A
-        radius = np.hypot(X, Z)
+        strut, h, in_line, _ = _margins_columns(x, z, self.constants)
+        radius = self.curves[0].geometry.strut_length - strut
         inside: BoolArray = (self.bounds.rise[0] <= h) & (h <= self.bounds.rise[1])
         inside &= (self.bounds.radius[0] <= radius) & (radius <= self.bounds.radius[1])
         if not self.beyond_case_2:
-            inside &= Z * u <= X * A
+            inside &= in_line >= 0.0
         return inside
 
     def pairs(self, x: float) -> list[tuple[Curve, Curve]]:
