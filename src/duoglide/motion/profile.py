@@ -165,6 +165,11 @@ class Profile:
         """Return a dwell at ``sigma``."""
         return Profile(np.array([[0.0, sigma, 0.0, 0.0], [seconds, sigma, 0.0, 0.0]]))
 
+    @staticmethod
+    def steady(duration: float) -> Profile:
+        """Return the profile of a curve whose parameter is the time itself."""
+        return Profile(np.array([[0.0, 0.0, 1.0, 0.0], [duration, duration, 1.0, 0.0]]))
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Profile) and self.knots.tobytes() == other.knots.tobytes()
 

@@ -18,8 +18,8 @@ import ruckig
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import CarriageLimits
-from duoglide.motion.checked import SpeedCap
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
+from duoglide.motion.rounded_path import SpeedCap
 from duoglide.planning.retiming import Retiming, RetimingProblem
 from duoglide.planning.timed_curve import SigmaCap, TimedCurve
 
