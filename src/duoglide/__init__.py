@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from duoglide.motion.actions import WaitInput as WaitInput
     from duoglide.motion.blend import Blend as Blend
     from duoglide.motion.checked import CheckedPath as CheckedPath
+    from duoglide.motion.motion import State as State
     from duoglide.motion.path import Path as Path
-    from duoglide.motion.trajectory import State as State
     from duoglide.motion.trajectory import Trajectory as Trajectory
     from duoglide.planning.check import check_path as check_path
     from duoglide.planning.jog import Jog as Jog
@@ -105,8 +105,9 @@ _HOMES = {
     "motion.actions": ("Dwell", "SetOutput", "WaitInput"),
     "motion.blend": ("Blend",),
     "motion.checked": ("CheckedPath",),
+    "motion.motion": ("State",),
     "motion.path": ("Path",),
-    "motion.trajectory": ("State", "Trajectory"),
+    "motion.trajectory": ("Trajectory",),
     "planning.check": ("check_path",),
     "planning.jog": ("Jog", "JogLimits"),
     "planning.pick_and_place": ("chain", "pick_and_place", "picks"),

@@ -29,9 +29,9 @@ from toppra.constraint import JointAccelerationConstraint, JointVelocityConstrai
 
 import duoglide as dg
 from duoglide.arrays import FloatArray
-from duoglide.motion.blending import round_corners
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
 from duoglide.motion.profile import Profile
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning.blends import choose_blends
 from duoglide.planning.timed_curve import TimedCurve
 from duoglide.planning.timing import time_path

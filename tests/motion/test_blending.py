@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import duoglide as dg
 from duoglide.motion.actions import Dwell, SetOutput
 from duoglide.motion.blend import Blend
-from duoglide.motion.blending import RoundedPath, round_corners
+from duoglide.motion.rounded_path import RoundedPath, round_corners
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
 

@@ -8,7 +8,7 @@ import pytest
 import duoglide as dg
 from duoglide.motion.actions import Dwell, SetOutput, WaitInput
 from duoglide.motion.blend import Blend
-from duoglide.motion.blending import round_corners
+from duoglide.motion.rounded_path import round_corners
 
 CORNERS = [(0.0, 0.0, 0.0), (10.0, 0.0, 0.0), (10.0, 20.0, 0.1)]
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.path_picture import plot_refused
+from duoglide.motion.curve_picture import plot_in_machine
+from duoglide.motion.rounded_path import round_corners
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +100,8 @@ def test_a_refused_path_is_drawn_with_the_place_where_it_fails() -> None:
     path = dg.Path.polyline([(-41, -100, 280), (-41, 0, 335), (-70, 80, 370)], 2.0)
     with pytest.raises(dg.PathError) as refusal:
         dg.check_path(machine, path)
-    figure = plot_refused(machine, path, refusal.value)
+    curve = round_corners(path).platform_curve(machine)
+    figure = plot_in_machine(machine, curve, refusal=refusal.value)
     assert " ".join(figure.get_suptitle().split()) == str(refusal.value)
     side, section, *_ = figure.axes
     x, y, z = refusal.value.position

@@ -5,7 +5,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.motion.blend import Blend
-from duoglide.motion.blending import round_corners
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning.blends import choose_blends
 
 PICK, PLACE = (-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0)

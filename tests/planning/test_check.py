@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 import duoglide as dg
 from duoglide.kinematics.singularity import clearance_gradient
 from duoglide.motion.actions import Dwell, SetOutput
-from duoglide.motion.blending import round_corners
 from duoglide.motion.checked import CheckedPath
 from duoglide.motion.curve import Curve
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning.check import check_curve
 from duoglide.planning.check_rules import Rules
 from duoglide.planning.check_search import first_failure

@@ -10,8 +10,8 @@ import duoglide as dg
 from duoglide.kinematics import _batch, nearest
 from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.singularity import FAMILIES
-from duoglide.motion.blending import round_corners
 from duoglide.motion.curve import Curve
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning import _check_kernel, check_judge, check_least
 from duoglide.planning.check_rules import Rules
 from duoglide.planning.check_search import first_failure, first_intervals

@@ -7,8 +7,8 @@ import pytest
 
 import duoglide as dg
 from duoglide.motion.actions import Dwell, SetOutput, WaitInput
-from duoglide.motion.blending import round_corners
 from duoglide.motion.path_segments import Arc
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning.gcode import read_gcode
 
 

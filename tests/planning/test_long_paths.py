@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.motion.audit import audit
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.planning import _interior_point, _retiming_solver
@@ -62,7 +63,7 @@ def test_windows_cost_hardly_any_time_of_the_motion_and_keep_every_limit(
     windowed = time_path(path)
     assert len(solves) > 20
     assert windowed.duration <= 1.01 * whole.duration
-    assert windowed.audit().worst <= 1.0005
+    assert audit(windowed).worst <= 1.0005
     assert not windowed.report.reason
 
 
@@ -103,6 +104,6 @@ def test_a_window_that_does_not_converge_keeps_what_it_had(
     solves = _watched(monkeypatch, fail_every=3)
     windowed = time_path(_winding(machine, 80), QUICK)
     assert len(solves) > 20
-    assert windowed.audit().worst <= 1.0005
+    assert audit(windowed).worst <= 1.0005
     assert windowed.report.method is TimingMethod.IN_PART
-    assert "windows" in windowed.audit().fallback
+    assert "windows" in audit(windowed).fallback

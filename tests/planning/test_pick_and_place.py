@@ -8,7 +8,7 @@ import pytest
 import duoglide as dg
 from duoglide.motion.actions import Dwell, SetOutput
 from duoglide.motion.blend import Blend
-from duoglide.motion.blending import round_corners
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning.pick_and_place import chain, picks
 
 PICK, PLACE = (-41.0, -100.0, 295.0), (-41.0, 100.0, 290.0)

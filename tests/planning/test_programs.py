@@ -7,7 +7,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.motion.actions import Dwell, SetOutput, WaitInput
-from duoglide.motion.blending import round_corners
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning import programs
 from duoglide.planning.programs import read_program
 

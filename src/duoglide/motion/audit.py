@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from math import cbrt, ulp
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
 from duoglide.machine import CarriageLimits
-
-if TYPE_CHECKING:
-    from duoglide.motion.trajectory import Trajectory
+from duoglide.motion.motion import Motion
 
 RATE = 20_000.0  # samples per second of the finite differences
 AT_LIMIT = 0.98  # use from which a limit counts as the one that holds the motion back
@@ -139,43 +137,43 @@ class Audit:
         return "\n".join(lines)
 
 
-def audit(trajectory: Trajectory) -> Audit:
-    """Measure ``trajectory``: see ``Trajectory.audit``."""
-    step = _step(trajectory)
-    if trajectory.duration / step <= MOST_SAMPLES:
-        worst, times, use, limiting = _by_differences(trajectory, step)
+def audit(motion: Motion) -> Audit:
+    """Measure ``motion``: see ``Trajectory.audit``."""
+    step = _step(motion)
+    if motion.duration / step <= MOST_SAMPLES:
+        worst, times, use, limiting = _by_differences(motion, step)
     else:
         step = 0.0
-        worst, times, use, limiting = _by_pieces(trajectory)
-    report = trajectory.report
+        worst, times, use, limiting = _by_pieces(motion)
+    report = motion.report
     before = report.duration_before_braking
     return Audit(
         velocity=read_only(worst[0]),
         acceleration=read_only(worst[1]),
         jerk=read_only(worst[2]),
         period=step,
-        duration=trajectory.duration,
+        duration=motion.duration,
         times=read_only(times),
         use=read_only(use),
         limiting=limiting,
         shares=_shares(times, limiting, use),
         fallback=report.reason,
-        least_clearance=trajectory.path.least_clearance,
+        least_clearance=motion.path.least_clearance,
         braking_clearance=report.braking_clearance,
-        braking_cost=max(trajectory.duration - before, 0.0) if before > 0.0 else 0.0,
+        braking_cost=max(motion.duration - before, 0.0) if before > 0.0 else 0.0,
     )
 
 
 Findings: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.intp]]
 
 
-def _by_differences(trajectory: Trajectory, step: float) -> Findings:
+def _by_differences(motion: Motion, step: float) -> Findings:
     """Difference the positions that are sent every ``step``."""
-    limits = trajectory.machine.limits
+    limits = motion.machine.limits
     # At rest the motion goes on as it is, so that the differences reach over the ends.
-    first, last = (-3 if trajectory.starts_at_rest else 0), 3 if trajectory.ends_at_rest else 0
-    grid = np.arange(first, int(trajectory.duration / step) + last + 1) * step
-    uses = _difference_uses(trajectory.at(grid).carriages, step, limits)
+    first, last = (-3 if motion.starts_at_rest else 0), 3 if motion.ends_at_rest else 0
+    grid = np.arange(first, int(motion.duration / step) + last + 1) * step
+    uses = _difference_uses(motion.at(grid).carriages, step, limits)
     worst = np.zeros((3, 3))
     for row, use in zip(worst, uses, strict=True):
         row[:] = use.max(axis=0, initial=0.0)
@@ -185,14 +183,14 @@ def _by_differences(trajectory: Trajectory, step: float) -> Findings:
     return worst, times, every.max(axis=-1), every.argmax(axis=-1)
 
 
-def _by_pieces(trajectory: Trajectory) -> Findings:
+def _by_pieces(motion: Motion) -> Findings:
     """Take the exact derivatives, which bound the differences, at points of every piece."""
-    limits = trajectory.machine.limits
-    knots = trajectory.profile.knots[:, 0]
+    limits = motion.machine.limits
+    knots = motion.profile.knots[:, 0]
     points = max(5, min(33, MOST_SAMPLES // len(knots)))
     shares = (np.arange(points) + 0.5) / points
     times = (knots[:-1, None] + shares * np.diff(knots)[:, None]).ravel()
-    state = trajectory.at(times)
+    state = motion.at(times)
     every = np.concatenate(
         [
             np.abs(state.velocity) / limits.velocity,
@@ -205,12 +203,12 @@ def _by_pieces(trajectory: Trajectory) -> Findings:
     return worst, times, every.max(axis=-1), every.argmax(axis=-1)
 
 
-def _step(trajectory: Trajectory) -> float:
+def _step(motion: Motion) -> float:
     """Return the step of the differences: 20 kHz, or as small as rounding lets a jerk be seen."""
-    times = np.linspace(0.0, trajectory.duration, 33)
-    ways = trajectory.at(times).carriages, trajectory.position_at(times)
+    times = np.linspace(0.0, motion.duration, 33)
+    ways = motion.at(times).carriages, motion.position_at(times)
     size = max(float(np.abs(way).max()) for way in ways)
-    jerk = float(trajectory.machine.limits.jerk.min())
+    jerk = float(motion.machine.limits.jerk.min())
     return max(1.0 / RATE, cbrt(_ROUNDING * ulp(size) / (1e-4 * jerk)))
 
 

@@ -1,7 +1,8 @@
-"""From a programmed path to its curve: every corner rounded, or a rest."""
+"""From segments to one curve: every corner rounded, or a rest."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -9,13 +10,11 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import PathError
-from duoglide.motion.actions import needs_rest
-from duoglide.motion.blend import SHAPE, Blend, nearest, quintics
+from duoglide.motion.blend import SHAPE, Blend, Corner, nearest, quintics
 from duoglide.motion.blend_search import Corners, cut_backs
 from duoglide.motion.curve import Curve
-from duoglide.motion.path import Path
 from duoglide.motion.path_pieces import RawPath, raw_path
-from duoglide.motion.path_segments import show
+from duoglide.motion.path_segments import Segment, show
 
 SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a jump needs no blend
 ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
@@ -26,12 +25,12 @@ VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothi
 IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 
 
-@dataclass(frozen=True, eq=False)
-class RoundedPath:
-    """The curve of a path, and what became of its corners.
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundedCurve:
+    """The curve of segments, and what became of their corners.
 
     Attributes:
-        curve: The curve, in the coordinates of the path.
+        curve: The curve, in the coordinates of the segments.
         waypoints: Sigma of each waypoint; on a blend, where it passes nearest [mm], shape (n + 1,).
         before: Cut-back before each waypoint [mm], 0 where there is no blend, shape (n + 1,).
         after: Cut-back after it [mm].
@@ -54,23 +53,32 @@ class RoundedPath:
         return Blend(float(self.before[i]), float(self.after[i]), float(self.shape[i]))
 
 
-def round_corners(path: Path) -> RoundedPath:
-    """Fix every blend of a path, and join its pieces to one curve.
+def round_segments(
+    segments: Sequence[Segment], tolerances: Sequence[Corner], halts: Collection[int]
+) -> RoundedCurve:
+    """Fix every blend between segments, and join their pieces to one curve.
+
+    Args:
+        segments: Each begins where the one before ends.
+        tolerances: One per joint of two segments: a corner tolerance [mm] or a ``Blend``.
+        halts: Waypoints at which something is done at rest, by index.
 
     Raises:
         PathError: Explicit blends that overlap, are longer than their segment, or stand at a
             reversal.
     """
-    raw = raw_path(path)
-    rest, rounded = _sort_corners(path, raw)
-    corners = _corners_to_round(path, raw, rounded)
+    raw = raw_path(segments)
+    rest, rounded = _sort_corners(tolerances, halts, raw)
+    corners = _corners_to_round(tolerances, raw, rounded)
     before, after = cut_backs(raw.curve, corners)
     long = 5.0 * corners.shape * np.minimum(before, after) >= SHORTEST
     rest[corners.waypoint[~long] - 1] = True
     return _assemble(raw, rest, corners.those(long), before[long], after[long])
 
 
-def _sort_corners(path: Path, raw: RawPath) -> tuple[BoolArray, BoolArray]:
+def _sort_corners(
+    tolerances: Sequence[Corner], halts: Collection[int], raw: RawPath
+) -> tuple[BoolArray, BoolArray]:
     """Tell which corners are rests, and which are to be rounded; the others join smoothly."""
     curve, left = raw.curve, raw.joints
     sigma = curve.breaks[left + 1]
@@ -79,35 +87,34 @@ def _sort_corners(path: Path, raw: RawPath) -> tuple[BoolArray, BoolArray]:
     short = np.minimum(curve.spans[left], curve.spans[left + 1])
     t0, t1 = one[:, 1], other[:, 1]
     cosine = np.sum(t0 * t1, axis=1) / np.sqrt(np.sum(t0**2, axis=1) * np.sum(t1**2, axis=1))
-    wanted = np.array([isinstance(c, Blend) or c > 0.0 for c in path.corners], dtype=bool)
-    halts = {i for i, action in path.actions if needs_rest(action)}
+    wanted = np.array([isinstance(c, Blend) or c > 0.0 for c in tolerances], dtype=bool)
     halted = np.array([i + 1 in halts for i in range(left.size)], dtype=bool)
     smooth = (jump < SMOOTH + ROUNDING / short) & ~halted
     wanted &= ~smooth & ~halted
     rounded = wanted & (cosine > SHARPEST)
-    for i in np.flatnonzero(wanted & ~rounded):
-        if isinstance(path.corners[i], Blend):
-            raise _reversal_error(path, int(i), float(cosine[i]), float(curve.arc_length(sigma[i])))
+    for i in np.flatnonzero(wanted & ~rounded).tolist():
+        if isinstance(tolerances[i], Blend):
+            raise _reversal_error(curve, i, float(sigma[i]), float(cosine[i]))
     return ~smooth & ~rounded, rounded
 
 
-def _reversal_error(path: Path, corner: int, cosine: float, along: float) -> PathError:
+def _reversal_error(curve: Curve, corner: int, sigma: float, cosine: float) -> PathError:
     turn = float(np.degrees(np.arccos(max(cosine, -1.0))))
-    position = path.waypoints[corner + 1]
+    position = curve.position(sigma)
     return PathError(
         f"the path turns back by {turn:.4g} degrees at waypoint {corner + 1}, {show(position)} mm:"
         " no blend fits there; give a tolerance instead, and the motion will rest there",
-        arc_length=along,
-        position=position,
+        arc_length=float(curve.arc_length(sigma)),
+        position=position.tolist(),
         quantity="blend",
         amount=turn,
     )
 
 
-def _corners_to_round(path: Path, raw: RawPath, rounded: BoolArray) -> Corners:
+def _corners_to_round(tolerances: Sequence[Corner], raw: RawPath, rounded: BoolArray) -> Corners:
     """Collect what the search for cut-backs needs, and refuse explicit blends that overlap."""
     which = np.flatnonzero(rounded)
-    chosen = [path.corners[i] for i in which]
+    chosen = [tolerances[i] for i in which.tolist()]
     explicit = np.array([isinstance(c, Blend) for c in chosen], dtype=bool)
     fields = [
         (c.before, c.after, c.shape, 0.0) if isinstance(c, Blend) else (0.0, 0.0, SHAPE, c)
@@ -155,7 +162,7 @@ def _refuse_overlaps(curve: Curve, corners: Corners) -> None:
 
 def _assemble(
     raw: RawPath, rest: BoolArray, corners: Corners, before: FloatArray, after: FloatArray
-) -> RoundedPath:
+) -> RoundedCurve:
     """Trim the pieces, and put the blends between them."""
     curve, left = raw.curve, corners.left
     skip, stop = np.zeros(curve.count), curve.spans.copy()
@@ -184,7 +191,7 @@ def _assemble(
     waypoints[corners.waypoint] += u * bend_spans
     table = np.zeros((4, waypoints.size))
     table[:, corners.waypoint] = before, after, corners.shape, deviations
-    return RoundedPath(whole, waypoints, *table)
+    return RoundedCurve(whole, waypoints, *table)
 
 
 def _padded(coefficients: FloatArray, rows: int) -> FloatArray:

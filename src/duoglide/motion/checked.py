@@ -13,6 +13,7 @@ from duoglide.motion.actions import Action, action_from_dict
 from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import Point, show
+from duoglide.motion.rounded_path import SpeedCap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,9 +68,26 @@ class CheckReport:
         return f"CheckReport({len(self.least)} margins, tightest {self.tightest})"
 
     def _repr_html_(self) -> str:
-        from duoglide.motion.path_picture import margins_html
+        from duoglide.drawing.notebook import notebook_html
 
-        return margins_html(self)
+        return notebook_html("Least margins", [self.rows()])
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return the least margins as the rows of a table, with a head."""
+        rows: list[tuple[str, ...]] = [
+            ("least margin", "is", "needed", "along the path", "platform at")
+        ]
+        rows += [
+            (
+                entry.family.replace("_", " "),
+                f"{entry.margin:.2f} mm",
+                f"{entry.required:g} mm",
+                f"{entry.arc_length:.1f} mm",
+                f"({', '.join(f'{value:.1f}' for value in entry.position)}) mm",
+            )
+            for entry in self.least
+        ]
+        return rows
 
     @property
     def tightest(self) -> LeastMargin:
@@ -79,21 +97,6 @@ class CheckReport:
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.least))
-
-
-@dataclass(frozen=True, slots=True)
-class SpeedCap:
-    """A cap on the tool's speed along a part of the curve.
-
-    Attributes:
-        start: Where it begins, sigma [mm].
-        end: Where it ends, sigma [mm].
-        speed: The cap [mm/s].
-    """
-
-    start: float
-    end: float
-    speed: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -171,14 +174,18 @@ class CheckedPath:
         Returns:
             A matplotlib figure; a notebook shows it, ``savefig`` writes it.
         """
-        from duoglide.motion.path_picture import plot_checked
+        from duoglide.motion.curve_picture import plot_in_machine
 
-        return plot_checked(self)
+        return plot_in_machine(self.machine, self.curve)
 
     def _repr_html_(self) -> str:
-        from duoglide.motion.path_picture import checked_html
+        from duoglide.drawing.notebook import notebook_html
+        from duoglide.motion.curve_picture import plot_in_machine
 
-        return checked_html(self)
+        head = [("from", f"{show(self.path.start)} mm"), ("to", f"{show(self.path.end)} mm")]
+        head.append(("length", f"{float(self.curve.length):.1f} mm"))
+        figure = plot_in_machine(self.machine, self.curve, (6.0, 4.8))
+        return notebook_html("Checked path", [head, self.report.rows()], figure)
 
     def __repr__(self) -> str:
         return f"CheckedPath({self.path!r}, {self.curve!r}, tightest {self.report.tightest})"

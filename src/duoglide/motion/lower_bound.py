@@ -10,35 +10,33 @@ its own, and with limits far from usual ones returns a duration that is no bound
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.motion.carriage_path import CarriagePath
-
-if TYPE_CHECKING:
-    from duoglide.motion.trajectory import Trajectory
+from duoglide.motion.motion import Motion
 
 GRIDS = (200, 400)  # cells between two rests
 _OFF = 1.5  # times the difference of both grids, to come below the limit
 
 
-def lower_bound(trajectory: Trajectory) -> float:
+def lower_bound(motion: Motion) -> float:
     """Return the least duration under velocity and acceleration limits alone: see ``Trajectory``.
 
     Dwells count in full. Ends in motion, as in a program, are passed at the trajectory's speed.
     """
-    knots = trajectory.profile.knots
+    knots = motion.profile.knots
     still = np.diff(knots[:, 1]) == 0.0
     dwells = float(np.diff(knots[:, 0])[still].sum())
-    path = trajectory.path
+    path = motion.path
     rests = path.curve.rests if isinstance(path, CarriagePath) else ()
     last = _End(float(knots[-1, 1]), float(knots[-1, 2]))
     inner = [_End(rest, 0.0) for rest in rests if rest < last.sigma]
     spans = pairwise((_End(0.0, float(knots[0, 2])), *inner, last))
-    return dwells + sum(_span(trajectory, start, end) for start, end in spans)
+    return dwells + sum(_span(motion, start, end) for start, end in spans)
 
 
 class _End(NamedTuple):
@@ -48,26 +46,26 @@ class _End(NamedTuple):
     speed: float
 
 
-def _span(trajectory: Trajectory, start: _End, end: _End) -> float:
+def _span(motion: Motion, start: _End, end: _End) -> float:
     """Return a bound on the duration between two ends."""
-    coarse, fine = (_on_grid(trajectory, start, end, cells) for cells in GRIDS)
+    coarse, fine = (_on_grid(motion, start, end, cells) for cells in GRIDS)
     return fine - _OFF * max(0.0, coarse - fine)
 
 
-def _on_grid(trajectory: Trajectory, first: _End, last: _End, cells: int) -> float:
+def _on_grid(motion: Motion, first: _End, last: _End, cells: int) -> float:
     """Return toppra's duration between two ends on a grid."""
     import toppra
     from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
 
     start, end = first.sigma, last.sigma
-    limits, length = trajectory.machine.limits, end - start
+    limits, length = motion.machine.limits, end - start
     second = float(
         np.maximum(length / limits.velocity, (length / limits.acceleration) ** 0.5).max()
     )
     velocity = limits.velocity * (second / length)
     acceleration = limits.acceleration * (second * second / length)
     share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, cells + 1))
-    path = trajectory.path
+    path = motion.path
     breaks = path.curve.breaks if isinstance(path, CarriagePath) else np.zeros(0)
     inner = breaks[(breaks > start + 1e-6) & (breaks < end - 1e-6)] - start
     points = np.unique(np.concatenate([share, inner / length]))
@@ -76,7 +74,7 @@ def _on_grid(trajectory: Trajectory, first: _End, last: _End, cells: int) -> flo
             JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
             JointAccelerationConstraint(np.stack([-acceleration, acceleration], axis=1)),
         ],
-        _Geometric(trajectory, start, length),
+        _Geometric(motion, start, length),
         gridpoints=points,
     )
     unit = second / length
@@ -94,8 +92,8 @@ class _Geometric:
     Both the parameter and the carriages count in lengths of the path.
     """
 
-    def __init__(self, trajectory: Trajectory, start: float, length: float) -> None:
-        self._path = trajectory.path
+    def __init__(self, motion: Motion, start: float, length: float) -> None:
+        self._path = motion.path
         self._start, self._length = start, length
         self.path_interval = np.array([0.0, 1.0])
         self.duration = 1.0

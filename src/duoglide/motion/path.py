@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duoglide.arrays import as_number, as_triples
-from duoglide.errors import InputError
-from duoglide.motion.actions import Action, action_from_dict, require_action
+from duoglide.arrays import FloatArray, as_number, as_triples
+from duoglide.errors import InputError, PathError
+from duoglide.motion.actions import Action, action_from_dict, needs_rest, require_action
 from duoglide.motion.blend import Blend, Corner, as_corner, turned
+from duoglide.motion.blending import RoundedCurve, round_segments
 from duoglide.motion.path_segments import (
     COINCIDENT,
     Arc,
@@ -247,6 +248,11 @@ class Path:
         """The ends of the segments [mm]."""
         return self.start, *(segment.end for segment in self.segments)
 
+    @property
+    def halts(self) -> frozenset[int]:
+        """The waypoints with an action that needs the machine at rest, by index."""
+        return frozenset(i for i, action in self.actions if needs_rest(action))
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, from which ``from_dict`` builds this very path."""
         corners = [c.to_dict() if isinstance(c, Blend) else c for c in self.corners]
@@ -286,15 +292,58 @@ class Path:
         Raises:
             PathError: Explicit blends do not fit.
         """
-        from duoglide.motion.path_picture import plot_path
+        from duoglide.motion.curve_picture import plot_curve
 
-        return plot_path(self)
+        return plot_curve(self._rounded().curve, *self._marks())
 
     def _repr_html_(self) -> str:
-        from duoglide.motion.path_picture import path_html
+        from duoglide.drawing.notebook import notebook_html
+        from duoglide.motion.curve_picture import plot_curve
 
-        return path_html(self)
+        try:
+            curve = self._rounded().curve
+            length = f"{float(curve.length):.1f} mm, corners rounded"
+            figure = plot_curve(curve, *self._marks(), (5.0, 2.6))
+        except PathError as error:  # explicit blends that do not fit: still a value to look at
+            length, figure = str(error), None
+        rows = [
+            ("from", f"{show(self.start)} mm"),
+            ("to", f"{show(self.end)} mm"),
+            ("length", length),
+            ("segments", f"{len(self.segments)}"),
+            ("corners", _corners_in_words(self.corners)),
+            ("actions", f"{len(self.actions)}"),
+            ("tool speed", _cap_in_words(self.tool_speed, "mm/s")),
+            ("tool acceleration", _cap_in_words(self.tool_acceleration, "mm/s²")),
+        ]
+        return notebook_html("Path", [rows], figure)
+
+    def _rounded(self) -> RoundedCurve:
+        return round_segments(self.segments, self.corners, self.halts)
+
+    def _marks(self) -> tuple[FloatArray, FloatArray]:
+        """Return the waypoints, and those with actions [mm], shapes (n, 3) and (m, 3)."""
+        points = np.array(self.waypoints)
+        return points, points[[i for i, _ in self.actions]]
 
     def __repr__(self) -> str:
         count = len(self.segments)
         return f"Path({show(self.start)} to {show(self.end)} mm, {count} segment{'s'[: count > 1]})"
+
+
+def _corners_in_words(corners: Sequence[Corner]) -> str:
+    blends = sum(isinstance(corner, Blend) for corner in corners)
+    tolerances = [corner for corner in corners if not isinstance(corner, Blend)]
+    rounded = [value for value in tolerances if value > 0.0]
+    words = [f"{blends} explicit"] if blends else []
+    if rounded:
+        low, high = min(rounded), max(rounded)
+        span = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+        words.append(f"{len(rounded)} within {span} mm")
+    if exact := len(tolerances) - len(rounded):
+        words.append(f"{exact} exact")
+    return ", ".join(words) or "none"
+
+
+def _cap_in_words(value: float | None, unit: str) -> str:
+    return f"at most {value:g} {unit}" if value is not None else "not capped"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.curve import Curve
-from duoglide.motion.path import Path
 from duoglide.motion.path_segments import Arc, Segment, Spline
 
 _ROWS = 4  # lines, arcs and cubics need no more coefficients
@@ -29,9 +29,8 @@ class RawPath:
     joints: np.ndarray[Any, np.dtype[np.intp]]
 
 
-def raw_path(path: Path) -> RawPath:
+def raw_path(segments: Sequence[Segment]) -> RawPath:
     """Chain the pieces of all segments."""
-    segments = path.segments
     counts = np.array([len(s.through) - 1 if isinstance(s, Spline) else 1 for s in segments])
     first = np.concatenate([[0], np.cumsum(counts)])
     spans, rates = np.zeros(first[-1]), np.zeros(first[-1])

@@ -8,10 +8,10 @@ differentiable by construction, and the knots alone, as float64, say everything.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from math import ulp
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,13 +94,7 @@ class Profile:
         t = min(max(t, 0.0), self.duration)
         piece = max(bisect_right(self._times, t) - 1, 0)
         u = t - self._times[piece]
-        c0, c1, c2, c3, c4, c5 = self._rows[piece]
-        return (
-            c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5)))),
-            c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * (5.0 * c5)))),
-            2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * (20.0 * c5))),
-            6.0 * c3 + u * (24.0 * c4 + u * (60.0 * c5)),
-        )
+        return quintic(self._rows[piece], u)
 
     def time_at(self, sigma: float) -> float:
         """Return the first time at which sigma is reached [s]; clamped to both ends."""
@@ -153,6 +147,11 @@ class Profile:
         """Return a dwell at ``sigma``."""
         return Profile(np.array([[0.0, sigma, 0.0, 0.0], [seconds, sigma, 0.0, 0.0]]))
 
+    @staticmethod
+    def steady(duration: float) -> Profile:
+        """Return the profile of a curve whose parameter is the time itself."""
+        return Profile(np.array([[0.0, 0.0, 1.0, 0.0], [duration, duration, 1.0, 0.0]]))
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Profile) and self.knots.tobytes() == other.knots.tobytes()
 
@@ -178,11 +177,55 @@ def hermite(knots: FloatArray) -> FloatArray:
 
 def evaluate(polynomials: FloatArray, u: FloatArray) -> FloatArray:
     """Return polynomials (..., 6) and three derivatives at ``u`` (...), shape (..., 4)."""
-    c0, c1, c2, c3, c4, c5 = (polynomials[..., k] for k in range(6))
-    value = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
-    result = np.empty((*value.shape, 4))
-    result[..., 0] = value
-    result[..., 1] = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * (5.0 * c5))))
-    result[..., 2] = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * (20.0 * c5)))
-    result[..., 3] = 6.0 * c3 + u * (24.0 * c4 + u * (60.0 * c5))
-    return result
+    return np.stack(quintic(np.moveaxis(polynomials, -1, 0), u), axis=-1)
+
+
+def quintic(c: Any, u: Any) -> tuple[Any, Any, Any, Any]:
+    """Evaluate a polynomial of degree 5 and three derivatives: of floats, arrays, or compiled.
+
+    Args:
+        c: Six coefficients, in rising powers.
+        u: Where.
+    """
+    c0, c1, c2, c3, c4, c5 = c
+    return (
+        c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5)))),
+        c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * (5.0 * c5)))),
+        2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * (20.0 * c5))),
+        6.0 * c3 + u * (24.0 * c4 + u * (60.0 * c5)),
+    )
+
+
+def knots_of_jerks(
+    state: tuple[float, float, float], phases: Iterable[tuple[float, float]], end: float
+) -> FloatArray:
+    """Integrate phases of constant third derivative up to rest.
+
+    Args:
+        state: Sigma and its first two derivatives at the start.
+        phases: Jerk [mm/s^3] and how long it lasts [s], above 0.
+        end: Where it comes to rest [mm], exactly.
+
+    Returns:
+        Knots of a profile, shape (n + 1, 4).
+    """
+    clock = 0.0
+    knots = [(clock, *state)]
+    for jerk, seconds in phases:
+        clock += seconds
+        state = constant_jerk(state, jerk, seconds)
+        knots.append((clock, *state))
+    knots[-1] = (clock, end, 0.0, 0.0)
+    return np.array(knots)
+
+
+def constant_jerk(
+    state: tuple[float, float, float], jerk: float, seconds: float
+) -> tuple[float, float, float]:
+    """Return position, velocity and acceleration after some time of constant jerk."""
+    position, velocity, acceleration = state
+    return (
+        position + seconds * (velocity + seconds * (0.5 * acceleration + seconds * jerk / 6.0)),
+        velocity + seconds * (acceleration + 0.5 * seconds * jerk),
+        acceleration + seconds * jerk,
+    )

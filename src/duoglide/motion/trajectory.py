@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from math import isfinite
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from duoglide.arrays import FloatArray, as_floats, as_number
-from duoglide.errors import DuoglideError, InputError
-from duoglide.machine import Machine
-from duoglide.motion.actions import Action, action_from_dict
+from duoglide.errors import ConfigError, DuoglideError, InputError, LogError
+from duoglide.motion.actions import Action, Dwell, action_from_dict
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
 from duoglide.motion.checked import CheckedPath
-from duoglide.motion.path_segments import show
+from duoglide.motion.motion import Motion
 from duoglide.motion.profile import Profile
 from duoglide.motion.stopping import StopBounds
 from duoglide.motion.timing_report import TimingReport
@@ -28,131 +22,27 @@ if TYPE_CHECKING:
 
     from duoglide.motion.audit import Audit
 
-_STILL = 1e-6  # mm/s
-_MOST_SAMPLES = 10_000_000  # some gigabytes
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class State:
-    """State of the carriages at one time, or at many.
-
-    Attributes:
-        carriages: Positions along the rails [mm], shape (..., 3).
-        velocity: [mm/s], shape (..., 3).
-        acceleration: [mm/s^2], shape (..., 3).
-        jerk: [mm/s^3], shape (..., 3).
-    """
-
-    carriages: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray
-
-    def __repr__(self) -> str:
-        if self.carriages.ndim > 1:
-            return f"State({' x '.join(map(str, self.carriages.shape[:-1]))} times)"
-        units = ("mm", "mm/s", "mm/s²", "mm/s³")
-        rows = (self.carriages, self.velocity, self.acceleration, self.jerk)
-        return f"State({', '.join(f'{show(row)} {u}' for row, u in zip(rows, units, strict=True))})"
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Trajectory:
-    """A certified curve with a profile on it; evaluated exactly, by the chain rule.
+class Trajectory(Motion):
+    """A motion that may be slowed down and stopped at any time: what is streamed.
 
     Attributes:
-        path: The curve of the carriages: along a checked path, or a transfer between poses.
-        profile: How far along it the motion is, by time.
         stops: How fast the rate of the motion may be changed while it runs.
         actions: What to do on the way: (time [s], action), in order.
-        report: How the timing came about.
         whole: Where this ends in motion, because another trajectory takes over: the trajectory to
             rest that it is the first part of. Run that if no other one comes.
     """
 
-    path: CarriagePath | TransferPath
-    profile: Profile
     stops: StopBounds
     actions: tuple[tuple[float, Action], ...] = ()
-    report: TimingReport = field(default_factory=TimingReport)
     whole: Trajectory | None = None
 
-    @property
-    def machine(self) -> Machine:
-        """The machine that this was planned for."""
-        return self.path.machine
-
-    @property
-    def duration(self) -> float:
-        """How long the motion takes [s]."""
-        return self.profile.duration
-
-    @property
-    def starts_at_rest(self) -> bool:
-        """Whether velocity and acceleration are zero at the start."""
-        return _rests(self.at(0.0))
-
-    @property
-    def ends_at_rest(self) -> bool:
-        """Whether velocity and acceleration are zero at the end."""
-        return _rests(self.at(self.duration))
-
-    @property
-    def start(self) -> FloatArray:
-        """Carriages at the start [mm], shape (3,)."""
-        return self.at(0.0).carriages
-
-    @property
-    def end(self) -> FloatArray:
-        """Carriages at the end [mm], shape (3,)."""
-        return self.at(self.duration).carriages
-
-    def at(self, t: float | ArrayLike) -> State:
-        """Return the state at time ``t``, clamped to both ends.
-
-        Args:
-            t: Time from the start [s], any shape (...).
-
-        Raises:
-            InputError: Not a finite number.
-        """
-        if isinstance(t, float) and isfinite(t):
-            sigma, *rates = self.profile.at_time(t)
-            return _chain(self.path.derivatives(sigma), *rates)
-        motion = self.profile.at(as_floats(t, "t"))
-        speed, rate, third = (motion[..., k, None] for k in range(1, 4))
-        return _chain(self.path.derivatives(motion[..., 0]), speed, rate, third)
-
-    def position_at(self, t: ArrayLike) -> FloatArray:
-        """Return the platform centre O' in the base frame at time ``t`` [mm], shape (..., 3).
-
-        Raises:
-            InputError: Not a finite number.
-        """
-        sigma = self.profile.at(as_floats(t, "t"))[..., 0]
-        return self.path.position(sigma)
-
-    def sample(self, period: float) -> tuple[FloatArray, State]:
-        """Return evenly spaced times from 0, with the end as the last one, and the states there.
-
-        Args:
-            period: Between two samples [s]; the last step may be shorter.
-
-        Raises:
-            InputError: Not a finite number above zero, or so small that there would be more than
-                ten million samples.
-        """
-        step = as_number(period, "period")
-        if step <= 0.0:
-            raise InputError(f"period = {step:g} s: must be above zero")
-        if self.duration > _MOST_SAMPLES * step:
-            raise InputError(
-                f"period = {step:g} s: makes more than {_MOST_SAMPLES} samples of {self.duration:g}"
-                f" s; take at least {self.duration / _MOST_SAMPLES:.3g} s, or parts of it with at()"
-            )
-        count = int(np.ceil(self.duration / step * (1.0 - 1e-12)))
-        times = np.minimum(np.arange(count + 1) * step, self.duration)
-        return times, self.at(times)
+    @classmethod
+    def of(cls, motion: Motion, stops: StopBounds) -> Trajectory:
+        """Let a motion be stopped within ``stops``, and do the actions of its path on the way."""
+        actions = action_times(motion)
+        return cls(motion.path, motion.profile, stops, actions, report=motion.report)
 
     def until(self, knot: int, stops: StopBounds) -> Trajectory:
         """Return the part up to a knot of the profile, where another trajectory takes over.
@@ -233,7 +123,7 @@ class Trajectory:
         """
         from duoglide.motion.plan_file import save
 
-        save(self, path)
+        save(path, self, self.to_document())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
@@ -244,7 +134,11 @@ class Trajectory:
         """
         from duoglide.motion.plan_file import load
 
-        return load(path)
+        document = load(path)
+        try:
+            return cls.from_document(document)
+        except (InputError, ConfigError) as error:
+            raise LogError(f"{path}: {error}") from error
 
     def plot(self) -> Figure:
         """Draw the carriages, velocities, accelerations and jerks against their limits.
@@ -252,25 +146,33 @@ class Trajectory:
         Returns:
             A matplotlib figure; a notebook shows it, ``savefig`` writes it.
         """
-        from duoglide.motion.trajectory_picture import plot
+        from duoglide.motion.motion_picture import plot_motion
 
-        return plot(self)
+        return plot_motion(self)
 
     def _repr_html_(self) -> str:
-        from duoglide.motion.trajectory_picture import trajectory_html
+        from duoglide.motion.motion_picture import motion_html
 
-        return trajectory_html(self)
+        return motion_html(self, actions=len(self.actions))
 
     def __repr__(self) -> str:
         note = f", {self.report.method.value}: {self.report.reason}" if self.report.reason else ""
         return f"Trajectory({self.duration:.4f} s, {self.path.length:.4g} mm{note})"
 
 
-def _rests(state: State) -> bool:
-    """Whether nothing moves but by rounding."""
-    return bool(
-        np.abs(state.velocity).max() < _STILL and np.abs(state.acceleration).max() < 1e3 * _STILL
-    )
+def action_times(motion: Motion) -> tuple[tuple[float, Action], ...]:
+    """Return when the actions of a motion's path are due: (time [s], action), in order.
+
+    An action is due when the motion first gets to its place, and after the dwells before it there.
+    """
+    if isinstance(motion.path, TransferPath):
+        return ()
+    due, place, dwelt = [], -1.0, 0.0
+    for sigma, action in motion.path.checked.actions:
+        place, dwelt = sigma, dwelt if sigma == place else 0.0
+        due.append((motion.profile.time_at(sigma) + dwelt, action))
+        dwelt += action.seconds if isinstance(action, Dwell) else 0.0
+    return tuple(due)
 
 
 def _describe(path: CarriagePath | TransferPath) -> dict[str, Any]:
@@ -285,15 +187,3 @@ def _path_of(document: Mapping[str, Any]) -> CarriagePath | TransferPath:
     if "transfer" in document:
         return TransferPath.from_dict(document["transfer"])
     return map_to_carriages(CheckedPath.from_dict(document["checked"]))
-
-
-def _chain(q: FloatArray, speed: Any, rate: Any, third: Any) -> State:
-    """Differentiate q(sigma(t)) by time, by the chain rule."""
-    q1, q2, q3 = q[..., 1, :], q[..., 2, :], q[..., 3, :]
-    square = speed * speed
-    return State(
-        q[..., 0, :],
-        q1 * speed,
-        q1 * rate + q2 * square,
-        q1 * third + q2 * (3.0 * speed * rate) + q3 * (square * speed),
-    )

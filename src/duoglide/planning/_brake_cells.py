@@ -95,7 +95,7 @@ class Columns:
     @classmethod
     def of(cls, bounds: CarriageBounds, u: FloatArray, half: FloatArray) -> Columns:
         """Evaluate the plan in the middle of intervals, and bound it in the whole of them."""
-        state = bounds.trajectory.at(u)
+        state = bounds.motion.at(u)
         second, third = bounds.within(u - half, u + half)
         near = np.abs(with_pairs(state.acceleration)) + third * half[:, None]
         most = np.minimum(near, second)
@@ -142,7 +142,7 @@ class BrakeCells:
     @classmethod
     def cover(cls, bounds: CarriageBounds, edges: FloatArray, phases: int) -> BrakeCells:
         """Cover the brakes out of ``edges`` [s]: at once, one cycle late, and that cycle."""
-        drives = bounds.trajectory.machine.drives
+        drives = bounds.motion.machine.drives
         columns = Columns.between(bounds, edges)
         lasting = columns.lasting(drives.quick_stop_deceleration)
         column = np.repeat(np.arange(len(lasting)), 2 * phases + 1)
@@ -168,15 +168,15 @@ class BrakeCells:
 
     def within(self, times: FloatArray) -> FloatArray:
         """Return the nearest times that there are: within the plan, and one cycle; (n, 3)."""
-        trajectory = self.bounds.trajectory
-        most = np.array([trajectory.duration, trajectory.machine.drives.cycle, np.inf])
+        motion = self.bounds.motion
+        most = np.array([motion.duration, motion.machine.drives.cycle, np.inf])
         return np.clip(times, 0.0, most)
 
     def brakes(self, times: FloatArray) -> FloatArray:
         """Return the carriages of single brakes, times and places of shape (n, 3)."""
-        trajectory, (u, coast, t) = self.bounds.trajectory, times.T
-        state = trajectory.at(u)
-        brakes = Brakes(trajectory.machine, state.carriages, state.velocity, coast)
+        motion, (u, coast, t) = self.bounds.motion, times.T
+        state = motion.at(u)
+        brakes = Brakes(motion.machine, state.carriages, state.velocity, coast)
         lasting = brakes.lasting
         share = np.divide(coast + t, lasting, out=np.zeros_like(t), where=lasting > 0.0)
         return brakes.at(np.minimum(share, 1.0))
@@ -204,7 +204,7 @@ class BrakeCells:
 
     def _sides(self, rows: IndexArray, patch: Patch) -> FloatArray:
         """Return about how far off its slopes each side of some cells is [mm], (n, 3)."""
-        column, drives = self.column[rows], self.bounds.trajectory.machine.drives
+        column, drives = self.column[rows], self.bounds.motion.machine.drives
         half_u, half_t = self.columns.half[column], self.half[rows, 1]
         lasting = self.columns.lasting(drives.quick_stop_deceleration)[column]
         slowest = 0.5 * max(drives.quick_stop_deceleration) * half_t * half_t
@@ -219,7 +219,7 @@ class BrakeCells:
         columns, count = self.columns, len(self)
         middle, ways, beyond = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 5))
         plan = columns.half, columns.q, columns.v, columns.a, columns.most_a, columns.most_j
-        deceleration = self.bounds.trajectory.machine.drives.quick_stop_deceleration
+        deceleration = self.bounds.motion.machine.drives.quick_stop_deceleration
         cells = self.column, self.middle, self.half
         brake_patches(plan, cells, deceleration, (middle, ways, beyond))
         return Patch(middle, ways, beyond)

@@ -1,4 +1,4 @@
-"""How fast velocity and acceleration of the carriages may change in parts of a trajectory.
+"""How fast velocity and acceleration of the carriages may change in parts of a motion.
 
 The bounds hold between samples. On a checked path they follow from those of the curve's derivatives
 (Bernstein coefficients) and of the profile's, through the closed form: R = sqrt(L^2 - w) has
@@ -22,8 +22,8 @@ from duoglide.kinematics.compiled import compiled, inlined
 from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.motion.curve_bounds import bernstein, curve_bounds
+from duoglide.motion.motion import Motion
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
-from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._nearby import with_pairs
 
@@ -32,31 +32,31 @@ Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # bounds on three 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CarriageBounds:
-    """Bounds on the motion of carriages 1 to 3, B and D in any part of a trajectory.
+    """Bounds on the motion of carriages 1 to 3, B and D in any part of a motion.
 
     Attributes:
-        trajectory: Whose.
+        motion: Whose.
         curve: Bounds on the derivatives of the curve by sigma, per piece, each (n, 3) for a checked
             path and (n, 5) for a transfer.
         breaks: Sigma of the piece boundaries, shape (n + 1,).
         profile: Bounds on the derivatives of sigma by time, per piece of the profile, each (m, 1).
     """
 
-    trajectory: Trajectory
+    motion: Motion
     curve: Rates
     breaks: FloatArray
     profile: Rates
 
     @classmethod
-    def of(cls, trajectory: Trajectory) -> CarriageBounds:
+    def of(cls, motion: Motion) -> CarriageBounds:
         """Bound every piece of the curve and of the profile."""
-        path = trajectory.path
+        path = motion.path
         if isinstance(path, TransferPath):
             curve, breaks = transfer_rates(path), path.breaks
         else:
             bounds = curve_bounds(path.curve)
             curve, breaks = (bounds.first, bounds.second, bounds.third), path.curve.breaks
-        return cls(trajectory, curve, breaks, _profile_rates(trajectory.profile))
+        return cls(motion, curve, breaks, _profile_rates(motion.profile))
 
     def within(self, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Bound second and third derivatives by time from ``start`` to ``end`` [s], (n,) each.
@@ -65,15 +65,15 @@ class CarriageBounds:
             Bounds for carriages 1 to 3, B and D [mm/s^2, mm/s^3], shape (n, 5) each; inf where a
             link may not suffice.
         """
-        trajectory = self.trajectory
-        s1, s2, s3 = _over(trajectory.profile.knots[:, TIME], self.profile, start, end)
+        motion = self.motion
+        s1, s2, s3 = _over(motion.profile.knots[:, TIME], self.profile, start, end)
         middle = 0.5 * (start + end)
-        sigma = trajectory.profile.at(np.stack([start, middle, end]))[..., 0]
+        sigma = motion.profile.at(np.stack([start, middle, end]))[..., 0]
         c1, c2, c3 = _over(self.breaks, self.curve, sigma[0], sigma[2])
         rates = c1 * s1, c2 * s1**2 + c1 * s2, c3 * s1**3 + 3.0 * c2 * s1 * s2 + c1 * s3
-        if isinstance(trajectory.path, TransferPath):
+        if isinstance(motion.path, TransferPath):
             return rates[1], rates[2]
-        path, out = trajectory.path, (np.empty((start.size, 5)), np.empty((start.size, 5)))
+        path, out = motion.path, (np.empty((start.size, 5)), np.empty((start.size, 5)))
         constants = pose_constants(path.machine.geometry, WORKING)
         through_links(path.position(sigma[1]), rates, 0.5 * (end - start), constants, out)
         return out

@@ -14,9 +14,10 @@ from numba.extending import register_jitable
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
 from duoglide.kinematics.derivatives import carriage_jets, root_jet
+from duoglide.motion.profile import quintic
 
-register_jitable(forceinline=True)(root_jet)
-register_jitable(forceinline=True)(carriage_jets)  # called, it would take half as long again
+for formula in (root_jet, carriage_jets, quintic):  # called, they would take half as long again
+    register_jitable(forceinline=True)(formula)
 
 
 def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArray) -> None:
@@ -118,24 +119,19 @@ def _cell_states(
     count, points = pieces.shape
     piece = 0
     for i in range(count):
-        c = polynomials[i]
+        row = polynomials[i]
+        c = (row[0], row[1], row[2], row[3], row[4], row[5])
         span = knots[i + 1, 0] - knots[i, 0]
-        u = 0.5 * span
-        middle = c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * (c[4] + u * c[5]))))
+        middle = quintic(c, 0.5 * span)[0]
         while piece < breaks.size - 2 and breaks[piece + 1] <= middle:
             piece += 1
         for j in range(points):
             u = span * (j / (points - 1.0))
-            p, d1, d2, d3 = c[5], 0.0, 0.0, 0.0
-            for k in range(4, -1, -1):
-                d3 = d3 * u + d2
-                d2 = d2 * u + d1
-                d1 = d1 * u + p
-                p = p * u + c[k]
-            motion[i, j, 0] = p
-            motion[i, j, 1] = d1
-            motion[i, j, 2] = 2.0 * d2
-            motion[i, j, 3] = 6.0 * d3
+            s, v, a, third = quintic(c, u)
+            motion[i, j, 0] = s
+            motion[i, j, 1] = v
+            motion[i, j, 2] = a
+            motion[i, j, 3] = third
             pieces[i, j] = piece
 
 

@@ -12,9 +12,11 @@ import ruckig
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import CarriageLimits
+from duoglide.motion.profile import constant_jerk
 
 _LARGEST = 1e7  # a limit this many times what the motion needs is none
 _SAME_TIME = 1e-12  # of the duration
+_FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
 
 def rest_to_rest(
@@ -70,14 +72,12 @@ def _pieces(answer: ruckig.Trajectory) -> tuple[FloatArray, FloatArray]:
     table = np.zeros((breaks.size - 1, 4, 3))
     middles = 0.5 * (breaks[1:] + breaks[:-1])
     for carriage, (t, j) in enumerate(phases):
-        position = velocity = acceleration = 0.0
+        state = (0.0, 0.0, 0.0)
         phase_ends = np.cumsum(t)
         for k, middle in enumerate(middles):
             phase = int(np.searchsorted(phase_ends, middle))
             jerk = float(j[phase]) if phase < j.size else 0.0
             h = float(breaks[k + 1] - breaks[k])
-            table[k, :, carriage] = position, velocity, 0.5 * acceleration, jerk / 6.0
-            position += h * (velocity + h * (0.5 * acceleration + h * jerk / 6.0))
-            velocity += h * (acceleration + 0.5 * h * jerk)
-            acceleration += h * jerk
-    return breaks, table
+            table[k, :, carriage] = *state, jerk
+            state = constant_jerk(state, jerk, h)
+    return breaks, table / _FACTORIALS[:, None]

@@ -18,10 +18,9 @@ import numpy as np
 from duoglide.errors import PathError, SingularityError, UnreachableError
 from duoglide.machine import Machine
 from duoglide.motion.blend import Blend
-from duoglide.motion.blending import RoundedPath, round_corners
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import Line
-from duoglide.planning.check import speed_caps
+from duoglide.motion.rounded_path import RoundedPath, round_corners
 from duoglide.planning.timed_curve import TimedCurve
 from duoglide.planning.timing_span import estimate
 
@@ -233,7 +232,7 @@ class _Search:
         try:
             rounded = round_corners(path)
             curve = rounded.curve.moved(self._offset)
-            caps = speed_caps(path, rounded)
+            caps = rounded.speed_caps
             timed = TimedCurve(self._machine, curve, caps, path.tool_acceleration)
             rests = [0.0, *curve.rests, curve.end]
             return sum(estimate(timed, *span, _CELLS) for span in pairwise(rests))

@@ -19,7 +19,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.machine import Machine
-from duoglide.motion.trajectory import Trajectory
+from duoglide.motion.motion import Motion
 from duoglide.planning._admissible import Room, locate, room
 from duoglide.planning._brake_cells import PARTS, BrakeCells, Brakes
 from duoglide.planning._carriage_bounds import CarriageBounds
@@ -73,21 +73,21 @@ class BrakeReport:
         return self.room > -ALLOWED
 
 
-def brake_report(trajectory: Trajectory) -> BrakeReport:
-    """Bound the room at every instant of every brake out of every instant of ``trajectory``.
+def brake_report(motion: Motion) -> BrakeReport:
+    """Bound the room at every instant of every brake out of every instant of ``motion``.
 
     In a safe plan, the bounds are within 2 % of the clearance of the truth, or 1/8000 of the leg's
     length if that is more; right beside a singularity, where that would take very many cells, they
     say only that all is kept. A plan for which not even that is found out counts as unsafe.
     """
-    duration = trajectory.duration
-    speeds = np.abs(trajectory.at(np.linspace(0.0, duration, 101)).velocity)
-    step = _STEP * trajectory.machine.geometry.leg_length
+    duration = motion.duration
+    speeds = np.abs(motion.at(np.linspace(0.0, duration, 101)).velocity)
+    step = _STEP * motion.machine.geometry.leg_length
     longest = max(_CELL, step / max(float(speeds.max()), 1e-300))
     count = max(_FEWEST, int(np.ceil(duration / longest)))
     edges = np.linspace(0.0, duration, count + 1)
-    bounds = CarriageBounds.of(trajectory)
-    search = _Search(trajectory.machine)
+    bounds = CarriageBounds.of(motion)
+    search = _Search(motion.machine)
     for begin in range(0, count, _CHUNK):
         search.look(BrakeCells.cover(bounds, edges[begin : begin + _CHUNK + 1], _PHASES))
     return search.report()

@@ -12,14 +12,13 @@ from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import PathError
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import CarriagePath
-from duoglide.motion.trajectory import Trajectory
+from duoglide.motion.motion import Motion
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import room
 from duoglide.planning.braking import ALLOWED, BrakeReport, Brakes, brake_report
-from duoglide.planning.stopping import stop_bounds
 from duoglide.planning.timing_use import peaks
 
-Retime = Callable[[FloatArray, FloatArray], Trajectory]
+Retime = Callable[[FloatArray, FloatArray], Motion]
 """Time the same curve again under a cap on d sigma/dt: sigma (n,) and the cap there (n,), linear in
 between, ``NO_CAP`` where there is none."""
 
@@ -43,7 +42,7 @@ _MOST_STRETCHES = 8  # by 1.1, 1.1^2, 1.1^4: 1.1^255 in all, and it stands nearl
 _BISECTIONS = 1
 
 
-def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajectory:
+def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
     """Return ``draft``, or the same curve timed slower where braking alone would not be safe.
 
     Args:
@@ -51,60 +50,60 @@ def make_brake_safe(draft: Trajectory, retime: Retime | None = None) -> Trajecto
         retime: How to time the curve again under caps; left out, the whole of it is slowed.
 
     Returns:
-        A trajectory whose report says what the safety has cost and the least clearance while
+        A motion whose report says what the safety has cost and the least clearance while
         braking, for certain.
 
     Raises:
         PathError: No speed is certain to be safe.
     """
-    trajectory, report = draft, brake_report(draft)
+    motion, report = draft, brake_report(draft)
     sigma, cap = np.zeros(1), np.full(1, NO_CAP)
     for round_ in range(_ROUNDS if retime is not None else 0):
         if report.safe or retime is None:
             break
-        where, speed = _sampled(trajectory)
-        caps = brake_caps(trajectory.path, where, speed, _WIDER**round_)
+        where, speed = _sampled(motion)
+        caps = brake_caps(motion.path, where, speed, _WIDER**round_)
         fresh = _widened(caps, speed) * _TIGHTER**round_
         if (fresh == NO_CAP).all():
             break  # samples are safe already: all of it has to be slower
         grid = np.union1d(sigma, where)
         sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
-        trajectory = retime(sigma, cap)
-        report = brake_report(trajectory)
+        motion = retime(sigma, cap)
+        report = brake_report(motion)
     if not report.safe:
-        trajectory, report = _slowed(trajectory)
-    cost = draft.duration if trajectory is not draft else 0.0
+        motion, report = _slowed(motion)
+    cost = draft.duration if motion is not draft else 0.0
     told = replace(
-        trajectory.report,
+        motion.report,
         brake_safe=True,
         duration_before_braking=cost,
         braking_clearance=report.clearance,
     )
-    return replace(trajectory, report=told)
+    return Motion(motion.path, motion.profile, report=told)
 
 
-def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
-    """Stretch the whole of a trajectory in time until it is brake-safe.
+def _slowed(motion: Motion) -> tuple[Motion, BrakeReport]:
+    """Stretch the whole of a motion in time until it is brake-safe.
 
     Raises:
         PathError: It never is: its path leaves less than bounds can tell from nothing.
     """
-    sigma, speed = _sampled(trajectory)
-    good = float((speed / brake_caps(trajectory.path, sigma, speed)).max(initial=1.0))
-    slow, report = _stretched(trajectory, good)
+    sigma, speed = _sampled(motion)
+    good = float((speed / brake_caps(motion.path, sigma, speed)).max(initial=1.0))
+    slow, report = _stretched(motion, good)
     bad = good
     for k in range(_MOST_STRETCHES):
         if report.safe:
             break
         bad, good = good, good * _SLOWER ** (2**k)
-        slow, report = _stretched(trajectory, good)
+        slow, report = _stretched(motion, good)
     if report.safe:
         for _ in range(_BISECTIONS if good > _SLOWER**2 * bad else 0):
             middle = sqrt(bad * good)
-            less, told = _stretched(trajectory, middle)
+            less, told = _stretched(motion, middle)
             bad, good = (bad, middle) if told.safe else (middle, good)
             slow, report = (less, told) if told.safe else (slow, report)
-        return replace(slow, stops=stop_bounds(slow)), report
+        return slow, report
     raise PathError(
         f"no speed was found at which the drives may brake by themselves: {report.quantity} would"
         f" be {-report.room:.6g} mm too small",
@@ -114,10 +113,9 @@ def _slowed(trajectory: Trajectory) -> tuple[Trajectory, BrakeReport]:
     )
 
 
-def _stretched(trajectory: Trajectory, factor: float) -> tuple[Trajectory, BrakeReport]:
-    """Return a trajectory that takes ``factor`` times as long, and what its brakes do."""
-    actions = tuple((factor * t, action) for t, action in trajectory.actions)
-    slow = replace(trajectory, profile=trajectory.profile.stretched(factor), actions=actions)
+def _stretched(motion: Motion, factor: float) -> tuple[Motion, BrakeReport]:
+    """Return a motion that takes ``factor`` times as long, and what its brakes do."""
+    slow = Motion(motion.path, motion.profile.stretched(factor), report=motion.report)
     return slow, brake_report(slow)
 
 
@@ -128,15 +126,15 @@ def _widened(caps: FloatArray, speed: FloatArray) -> FloatArray:
     return np.where(counts, caps, NO_CAP)
 
 
-def _sampled(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+def _sampled(motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return where on the curve to look, both ends included, and the speeds to ask for there.
 
     These are the largest ones near by: a cap must hold between two samples, and none is zero.
     """
-    count = int(np.clip(trajectory.duration / _SAMPLE, _FEWEST_SAMPLES, _MOST_SAMPLES))
-    motion = trajectory.profile.at(np.linspace(0.0, trajectory.duration, count + 1))
-    sigma, first = np.unique(motion[:, 0], return_index=True)
-    speed = np.pad(motion[first, 1], 2, mode="edge")
+    count = int(np.clip(motion.duration / _SAMPLE, _FEWEST_SAMPLES, _MOST_SAMPLES))
+    along = motion.profile.at(np.linspace(0.0, motion.duration, count + 1))
+    sigma, first = np.unique(along[:, 0], return_index=True)
+    speed = np.pad(along[first, 1], 2, mode="edge")
     return sigma, np.lib.stride_tricks.sliding_window_view(speed, 5).max(axis=-1)
 
 

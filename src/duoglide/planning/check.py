@@ -6,11 +6,11 @@ import numpy as np
 
 from duoglide.errors import InputError, PathError
 from duoglide.machine import Machine
-from duoglide.motion.blending import RoundedPath, round_corners
-from duoglide.motion.checked import CheckedPath, CheckReport, SpeedCap
+from duoglide.motion.checked import CheckedPath, CheckReport
 from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import show
+from duoglide.motion.rounded_path import RoundedPath, round_corners
 from duoglide.planning.check_judge import count_curve
 from duoglide.planning.check_least import least_margins
 from duoglide.planning.check_refusal import assembly_error, refusal
@@ -42,18 +42,25 @@ def check_path(machine: Machine, path: Path) -> CheckedPath:
     """
     require_noun(machine, Machine)
     require_noun(path, Path)
-    rounded = round_corners(path)
-    curve = rounded.curve.moved(np.subtract(machine.work_frame, machine.tool_offset))
-    report = check_curve(machine, curve)
+    return check_rounded(machine, round_corners(path))
+
+
+def check_rounded(machine: Machine, rounded: RoundedPath) -> CheckedPath:
+    """Certify that a machine can follow a path whose blends are fixed: see ``check_path``.
+
+    Raises:
+        PathError: The machine cannot follow.
+    """
+    curve = rounded.platform_curve(machine)
     waypoints = rounded.waypoints.tolist()
     return CheckedPath(
         machine=machine,
-        path=path,
+        path=rounded.path,
         curve=curve,
-        report=report,
+        report=check_curve(machine, curve),
         waypoints=tuple(waypoints),
-        actions=tuple((waypoints[i], action) for i, action in path.actions),
-        speed_caps=speed_caps(path, rounded),
+        actions=tuple((waypoints[i], action) for i, action in rounded.path.actions),
+        speed_caps=rounded.speed_caps,
     )
 
 
@@ -108,16 +115,3 @@ def _require_whole(curve: Curve) -> None:
             quantity="continuity",
             amount=float(jumps[np.argmax(torn), 0]),
         )
-
-
-def speed_caps(path: Path, rounded: RoundedPath) -> tuple[SpeedCap, ...]:
-    """Collect the caps on the tool's speed, those of the segments and that of the whole path."""
-    caps: list[SpeedCap] = []
-    ends = rounded.waypoints.tolist()
-    for segment, start, end in zip(path.segments, ends[:-1], ends[1:], strict=True):
-        speeds = [cap for cap in (segment.speed, path.tool_speed) if cap is not None]
-        if not speeds:
-            continue
-        joined = caps and caps[-1].end == start and caps[-1].speed == min(speeds)
-        caps.append(SpeedCap(caps.pop().start if joined else start, end, min(speeds)))
-    return tuple(caps)

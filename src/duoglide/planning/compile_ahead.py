@@ -57,10 +57,9 @@ def main() -> None:
     """Plan the stops and the brakes of a move that needs no solver."""
     from duoglide.machine import Machine
     from duoglide.motion.carriage_path import map_to_carriages
+    from duoglide.motion.motion import Motion
     from duoglide.motion.path import Path
     from duoglide.motion.profile import Profile
-    from duoglide.motion.stopping import StopBounds
-    from duoglide.motion.trajectory import Trajectory
     from duoglide.planning.braking import brake_report
     from duoglide.planning.check import check_path
     from duoglide.planning.stopping import stop_bounds
@@ -78,8 +77,7 @@ def main() -> None:
             [4.0 * t, _LENGTH, 0.0, 0.0],
         ]
     )
-    none = StopBounds.constant(4.0 * t, 1.0, 1.0)
-    move = Trajectory(map_to_carriages(check_path(machine, path)), Profile(knots), none)
+    move = Motion(map_to_carriages(check_path(machine, path)), Profile(knots))
     stop_bounds(move)
     brake_report(move)
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from duoglide.arrays import FloatArray
 from duoglide.machine import Machine
 from duoglide.motion.carriage_path import map_to_carriages
+from duoglide.motion.motion import Motion
 from duoglide.motion.path import Path
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.blends import choose_blends
 from duoglide.planning.braking_caps import make_brake_safe
 from duoglide.planning.check import check_path, require_noun
+from duoglide.planning.stopping import stop_bounds
 from duoglide.planning.timed_curve import SigmaCap
 from duoglide.planning.timing import Progress, time_path
 
@@ -34,11 +36,11 @@ def plan(
     require_noun(path, Path)
     checked = check_path(machine, choose_blends(machine, path))
     carriages = map_to_carriages(checked)
-    draft = time_path(carriages, progress=progress)
-    if not brake_safe:
-        return draft
+    motion = time_path(carriages, progress=progress)
+    if brake_safe:
 
-    def retimed(sigma: FloatArray, cap: FloatArray) -> Trajectory:
-        return time_path(carriages, sigma_cap=SigmaCap(sigma, cap))
+        def retimed(sigma: FloatArray, cap: FloatArray) -> Motion:
+            return time_path(carriages, sigma_cap=SigmaCap(sigma, cap))
 
-    return make_brake_safe(draft, retimed)
+        motion = make_brake_safe(motion, retimed)
+    return Trajectory.of(motion, stop_bounds(motion))

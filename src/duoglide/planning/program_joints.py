@@ -9,9 +9,9 @@ from duoglide.errors import DuoglideError, PathError
 from duoglide.machine import Machine
 from duoglide.motion.actions import needs_rest
 from duoglide.motion.blend import Blend, Corner
-from duoglide.motion.blending import round_corners
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import COINCIDENT, Segment, distance, show
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning.blends import choose_blends
 from duoglide.planning.program_windows import STRAIGHT
 

@@ -23,9 +23,9 @@ import numpy as np
 from duoglide.arrays import as_number
 from duoglide.errors import DuoglideError, InputError, LimitError, PathError
 from duoglide.machine import Machine
-from duoglide.motion.blending import round_corners
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import distance
+from duoglide.motion.rounded_path import round_corners
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.program_joints import Entry, entries
 from duoglide.planning.program_windows import (

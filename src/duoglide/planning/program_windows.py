@@ -10,16 +10,17 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import Machine
 from duoglide.motion.blend import Blend, Corner
-from duoglide.motion.blending import RoundedPath
 from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
+from duoglide.motion.motion import Motion
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import COINCIDENT, Line, Point, as_point, distance
 from duoglide.motion.profile import SIGMA, SPEED, TIME, Profile
+from duoglide.motion.rounded_path import RoundedPath
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.braking_caps import make_brake_safe
 from duoglide.planning.check import check_path
 from duoglide.planning.plan import plan
-from duoglide.planning.stopping import stop_bounds_until
+from duoglide.planning.stopping import stop_bounds, stop_bounds_until
 from duoglide.planning.timed_curve import SigmaCap
 from duoglide.planning.timing import time_path
 from duoglide.planning.timing_lead import Lead
@@ -62,17 +63,18 @@ def plan_window(machine: Machine, path: Path, lead: Lead | None, brake_safe: boo
     if lead is None:
         return plan(machine, path, brake_safe)
     carriages = map_to_carriages(check_path(machine, path))
-    draft = time_path(carriages, lead=lead)
-    if not brake_safe:
-        return draft
+    motion = time_path(carriages, lead=lead)
+    if brake_safe:
 
-    def retimed(sigma: FloatArray, speed: FloatArray) -> Trajectory:
-        return time_path(carriages, sigma_cap=lead.lifted(SigmaCap(sigma, speed)), lead=lead)
+        def retimed(sigma: FloatArray, speed: FloatArray) -> Motion:
+            return time_path(carriages, sigma_cap=lead.lifted(SigmaCap(sigma, speed)), lead=lead)
 
-    safe = make_brake_safe(draft, retimed)
-    if safe.profile.knots[0, SPEED] != lead.speed:
-        raise LimitError("the motion would have to be slower from its beginning to be brake-safe")
-    return safe
+        motion = make_brake_safe(motion, retimed)
+        if motion.profile.knots[0, SPEED] != lead.speed:
+            raise LimitError(
+                "the motion would have to be slower from its beginning to be brake-safe"
+            )
+    return Trajectory.of(motion, stop_bounds(motion))
 
 
 def before_joint(path: Path, corner: Corner | None) -> tuple[Path, Path | None]:

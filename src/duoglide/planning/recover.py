@@ -9,7 +9,6 @@ large enough stays so.
 
 from __future__ import annotations
 
-import dataclasses
 from itertools import pairwise
 
 import numpy as np
@@ -22,8 +21,8 @@ from duoglide.kinematics.home import home_carriages
 from duoglide.kinematics.model import inverse, reachable
 from duoglide.kinematics.singularity import clearance_gradient
 from duoglide.machine import CarriageLimits, Machine
+from duoglide.motion.motion import Motion
 from duoglide.motion.profile import Profile
-from duoglide.motion.stopping import StopBounds
 from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
@@ -172,11 +171,9 @@ def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Tr
         breaks, tables = [np.array([0.0, machine.drives.cycle])], [still]
     least = float(room(machine, np.array(corners)).clearance.min()) + machine.clearance
     path = TransferPath(machine, np.concatenate(breaks), np.concatenate(tables), least)
-    end_time = path.duration
-    profile = Profile(np.array([[0.0, 0.0, 1.0, 0.0], [end_time, end_time, 1.0, 0.0]]))
     report = TimingReport(method=TimingMethod.TRANSFER, reason="recovery at creep speed")
-    draft = Trajectory(path, profile, StopBounds.constant(end_time, 1.0, 1.0), report=report)
-    return dataclasses.replace(draft, stops=stop_bounds(draft))
+    motion = Motion(path, Profile.steady(path.duration), report=report)
+    return Trajectory.of(motion, stop_bounds(motion))
 
 
 def _no_way(machine: Machine, here: FloatArray) -> PathError:

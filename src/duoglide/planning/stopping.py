@@ -1,4 +1,4 @@
-"""Certify in advance how fast the path rate of a trajectory may change.
+"""Certify in advance how fast the path rate of a motion may change.
 
 With r = du/dtau, a carriage that follows q(u(tau)) has
 
@@ -16,14 +16,11 @@ rising rates have bounds of their own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
-
 import numpy as np
-from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray
-from duoglide.machine import Machine
+from duoglide.motion.motion import Motion
+from duoglide.motion.profile import Profile
 from duoglide.motion.stopping import RateTable, StopBounds
 from duoglide.planning._stopping_kernel import largest_slopes, windows
 
@@ -40,97 +37,69 @@ _MOST_CELLS = 100_000
 _CHUNK = 4_000
 
 
-class Moving(Protocol):
-    """Velocity, acceleration and jerk of the carriages, each (..., 3)."""
-
-    @property
-    def velocity(self) -> FloatArray: ...  # noqa: D102
-    @property
-    def acceleration(self) -> FloatArray: ...  # noqa: D102
-    @property
-    def jerk(self) -> FloatArray: ...  # noqa: D102
-
-
-class Timed(Protocol):
-    """A trajectory, as far as this module needs one."""
-
-    @property
-    def machine(self) -> Machine: ...  # noqa: D102
-    @property
-    def duration(self) -> float: ...  # noqa: D102
-    def at(self, t: ArrayLike) -> Moving: ...  # noqa: D102
-
-
-def stop_bounds(trajectory: Timed) -> StopBounds:
-    """Return the certified bounds of any change of the path rate along ``trajectory``.
+def stop_bounds(motion: Motion) -> StopBounds:
+    """Return the certified bounds of any change of the path rate along ``motion``.
 
     Where the plan itself uses nearly all of ``machine.stop_limits``, the bounds leave a change
     2 % of each limit all the same, so that every plan can be stopped: with the default reserve of
     half the limits this never happens.
     """
-    duration = trajectory.duration
+    duration = motion.duration
     if duration <= 0.0:
         return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
-    cells = int(np.ceil(duration / _cell(trajectory)))
-    falling, rising = (_table(allowed, duration) for allowed in _allowed(trajectory, cells))
+    cells = int(np.ceil(duration / _cell(motion)))
+    falling, rising = (_table(allowed, duration) for allowed in _allowed(motion, cells))
     return StopBounds(duration, falling, rising)
 
 
-def stop_bounds_until(trajectory: Timed, end: float) -> StopBounds:
+def stop_bounds_until(motion: Motion, end: float) -> StopBounds:
     """Return the bounds of changes that begin before ``end``, and may come to their end after it.
 
     Args:
-        trajectory: The whole of the motion.
+        motion: The whole of it, to rest.
         end: Where another motion takes over, unless a change is under way [s], above 0.
     """
-    first = int(np.ceil(end / _cell(trajectory)))
-    cells = int(np.ceil(trajectory.duration / (end / first)))
-    longer = _Longer(trajectory, end / first * cells)
+    first = int(np.ceil(end / _cell(motion)))
+    cells = int(np.ceil(motion.duration / (end / first)))
+    longer = _resting(motion, end / first * cells)
     tables = []
     for allowed in _allowed(longer, cells):
         table = _table(allowed, longer.duration)
-        reach = np.minimum(table.until, trajectory.duration)
+        reach = np.minimum(table.until, motion.duration)
         tables.append(RateTable(table.slope[:first], table.bend[:first], reach[:first]))
     return StopBounds(end, *tables)
 
 
-@dataclass(frozen=True, slots=True)
-class _Longer:
-    """A motion that rests for a moment at its end."""
-
-    motion: Timed
-    duration: float
-
-    @property
-    def machine(self) -> Machine:
-        return self.motion.machine
-
-    def at(self, t: ArrayLike) -> Moving:
-        return self.motion.at(np.minimum(t, self.motion.duration))
+def _resting(motion: Motion, duration: float) -> Motion:
+    """Return a motion that rests at its end until it has taken so long [s]."""
+    profile, seconds = motion.profile, duration - motion.duration
+    if seconds <= 0.0:
+        return motion
+    return Motion(motion.path, Profile.joined([profile, Profile.rest(profile.end, seconds)]))
 
 
-def _cell(trajectory: Timed) -> float:
+def _cell(motion: Motion) -> float:
     """Return how long a cell of path time lasts, at most [s]."""
-    least = _least_stop(trajectory) / _CELLS_A_STOP
-    return max(CELL, trajectory.duration / _MOST_CELLS, least)
+    least = _least_stop(motion) / _CELLS_A_STOP
+    return max(CELL, motion.duration / _MOST_CELLS, least)
 
 
-def _least_stop(trajectory: Timed) -> float:
+def _least_stop(motion: Motion) -> float:
     """Return how long the fastest carriage alone would need to stop [s], about."""
-    limits = trajectory.machine.stop_limits
-    speeds = np.abs(trajectory.at(np.linspace(0.0, trajectory.duration, 101)).velocity)
+    limits = motion.machine.stop_limits
+    speeds = np.abs(motion.at(np.linspace(0.0, motion.duration, 101)).velocity)
     v, a, j = speeds.max(axis=0), limits.acceleration, limits.jerk
     return float(np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max())
 
 
-def _allowed(trajectory: Timed, cells: int) -> FloatArray:
+def _allowed(motion: Motion, cells: int) -> FloatArray:
     """Return the largest R1 of each shape and cell, falling and rising, (2, shapes, cells)."""
-    limits = np.stack([getattr(trajectory.machine.stop_limits, name) for name in _LIMITED])
+    limits = np.stack([getattr(motion.machine.stop_limits, name) for name in _LIMITED])
     share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
     both = np.empty((2, _SHAPES.size, cells))
     for begin in range(0, cells, _CHUNK):
         part = slice(begin, min(begin + _CHUNK, cells))
-        peaks = _peaks(trajectory, cells, part)
+        peaks = _peaks(motion, cells, part)
         for k, rho in enumerate(_SHAPES.tolist()):
             found = np.full((2, peaks.shape[2]), LARGEST_SLOPE)
             levels = _LEVELS[1:], share[k]
@@ -148,7 +117,7 @@ def _table(allowed: FloatArray, duration: float) -> RateTable:
     return RateTable(chosen, chosen**2 / _SHAPES[best], until[best, columns])
 
 
-def _peaks(trajectory: Timed, cells: int, part: slice) -> FloatArray:
+def _peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     """Bound velocity, acceleration and jerk in some of the cells, each sign by itself.
 
     The first two are rigorous: between samples they change at most by the next one's peak times
@@ -157,9 +126,9 @@ def _peaks(trajectory: Timed, cells: int, part: slice) -> FloatArray:
     Returns:
         Largest positive and largest negative values, both as amounts, shape (2, 3, n, 3).
     """
-    step = trajectory.duration / (cells * SAMPLES)
+    step = motion.duration / (cells * SAMPLES)
     times = np.arange(part.start * SAMPLES - 1, part.stop * SAMPLES + 2) * step
-    state = trajectory.at(np.clip(times, 0.0, trajectory.duration))
+    state = motion.at(np.clip(times, 0.0, motion.duration))
     one = np.stack([state.velocity, state.acceleration, state.jerk])
     signed = np.stack([one, -one])
     between = np.maximum(signed[:, :, 1:], signed[:, :, :-1])
@@ -174,7 +143,7 @@ def _through_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, 
     """Return for each shape and cell the R1 that its whole window allows, and the window's end.
 
     The window of R1 is as long as the way of a stop in path time. It grows cell by cell, and R1
-    falls with it, until it is long enough; at the end of the trajectory it always is.
+    falls with it, until it is long enough; at the end of the motion it always is.
     """
     cells = largest.shape[1]
     cell = duration / cells

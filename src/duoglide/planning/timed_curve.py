@@ -17,9 +17,9 @@ from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.blending import SMOOTH
 from duoglide.motion.carriage_path import CarriagePath
-from duoglide.motion.checked import SpeedCap
 from duoglide.motion.curve import Curve
 from duoglide.motion.profile import SIGMA, Profile
+from duoglide.motion.rounded_path import SpeedCap
 from duoglide.planning import _motion_kernel
 
 _NO_CAP = 1e12  # mm/s

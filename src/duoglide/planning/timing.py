@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from itertools import pairwise
 
-from duoglide.motion.actions import Action, Dwell
+from duoglide.motion.actions import Dwell
 from duoglide.motion.carriage_path import CarriagePath
+from duoglide.motion.motion import Motion
 from duoglide.motion.profile import Profile
-from duoglide.motion.stopping import StopBounds
 from duoglide.motion.timing_report import TimingMethod, TimingReport
-from duoglide.motion.trajectory import Trajectory
-from duoglide.planning.stopping import stop_bounds
 from duoglide.planning.timed_curve import SigmaCap, TimedCurve
 from duoglide.planning.timing_lead import Lead, lowered
 from duoglide.planning.timing_moving import time_moving
@@ -26,7 +24,7 @@ def time_path(
     progress: Progress | None = None,
     sigma_cap: SigmaCap | None = None,
     lead: Lead | None = None,
-) -> Trajectory:
+) -> Motion:
     """Find the quickest motion along a curve that keeps every limit of the carriages.
 
     Args:
@@ -46,49 +44,31 @@ def time_path(
     if sigma_cap is not None:
         timed = timed.capped(sigma_cap)
     rests = [0.0, *path.curve.rests, path.curve.end]
-    parts: list[Profile] = []
+    dwells = {
+        rest: [a.seconds for s, a in path.checked.actions if s == rest and isinstance(a, Dwell)]
+        for rest in rests
+    }
+    parts = [Profile.rest(0.0, seconds) for seconds in dwells[0.0]]
     flagged: list[Span] = []
-    actions: list[tuple[float, Action]] = []
-    waiting = list(path.checked.actions)
-    clock = 0.0
-    for k, rest in enumerate(rests):
-        if k > 0:
-            if k == 1 and lead is not None and lead.way is not None:
-                span = time_moving(timed, lead, rest, effort)
-            else:
-                span = time_span(timed, rests[k - 1], rest, effort)
-            passed = [entry for entry in waiting if entry[0] < rest]
-            actions += [(clock + span.profile.time_at(s), action) for s, action in passed]
-            waiting = waiting[len(passed) :]
-            parts.append(span.profile)
-            flagged += [span] if span.reason else []
-            clock += span.profile.duration
-        while waiting and waiting[0][0] <= rest:
-            action = waiting.pop(0)[1]
-            actions.append((clock, action))
-            if isinstance(action, Dwell):
-                parts.append(Profile.rest(rest, action.seconds))
-                clock += action.seconds
+    for start, rest in pairwise(rests):
+        if start == 0.0 and lead is not None and lead.way is not None:
+            span = time_moving(timed, lead, rest, effort)
+        else:
+            span = time_span(timed, start, rest, effort)
+        parts.append(span.profile)
+        parts += [Profile.rest(rest, seconds) for seconds in dwells[rest]]
+        flagged += [span] if span.reason else []
         if progress is not None:
             progress(rest / path.curve.end)
-    profile = Profile.joined(parts)
-    return _finished(path, profile, tuple(actions), flagged)
+    return Motion(path, Profile.joined(parts), report=_report(flagged))
 
 
-def _finished(
-    path: CarriagePath,
-    profile: Profile,
-    actions: tuple[tuple[float, Action], ...],
-    flagged: list[Span],
-) -> Trajectory:
-    report = TimingReport()
-    if flagged:
-        slow = any(span.method is TimingMethod.CERTIFIED_SLOW for span in flagged)
-        report = TimingReport(
-            method=TimingMethod.CERTIFIED_SLOW if slow else TimingMethod.IN_PART,
-            reason="; ".join(dict.fromkeys(span.reason for span in flagged)),
-        )
-    draft = Trajectory(
-        path, profile, StopBounds.constant(profile.duration, 1.0, 1.0), actions, report
+def _report(flagged: list[Span]) -> TimingReport:
+    """Say how the spans were timed that are not near the optimum."""
+    if not flagged:
+        return TimingReport()
+    slow = any(span.method is TimingMethod.CERTIFIED_SLOW for span in flagged)
+    return TimingReport(
+        method=TimingMethod.CERTIFIED_SLOW if slow else TimingMethod.IN_PART,
+        reason="; ".join(dict.fromkeys(span.reason for span in flagged)),
     )
-    return replace(draft, stops=stop_bounds(draft))

@@ -12,8 +12,7 @@ from math import cbrt, sqrt
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
-from duoglide.motion.profile import Profile
+from duoglide.motion.profile import SIGMA, Profile, knots_of_jerks
 
 
 def seven_phases(start: float, end: float, bounds: tuple[float, float, float]) -> Profile:
@@ -37,19 +36,8 @@ def seven_phases(start: float, end: float, bounds: tuple[float, float, float]) -
     cruise = max(0.0, length / reached - (2.0 * ramp + plateau))
     third = (jerk, 0.0, -jerk, 0.0, -jerk, 0.0, jerk)
     lasts = (ramp, plateau, ramp, cruise, ramp, plateau, ramp)
-    knots = [(0.0, start, 0.0, 0.0)]
     shortest = 1e-9 * sum(lasts)
-    for h, j in zip(lasts, third, strict=True):
-        if h <= shortest:
-            continue
-        t, s, v, a = knots[-1]
-        way = s + h * (v + h * (a / 2.0 + h * j / 6.0))
-        knots.append((t + h, way, v + h * (a + h * j / 2.0), a + h * j))
-    return Profile(_closed(np.array(knots), end))
-
-
-def _closed(knots: FloatArray, end: float) -> FloatArray:
-    """Put the last knot exactly at rest at the end, and no knot beyond it."""
-    knots[-1, 1:] = (end, 0.0, 0.0)
-    knots[:, 1] = np.minimum(knots[:, 1], end)
-    return knots
+    phases = [(j, h) for j, h in zip(third, lasts, strict=True) if h > shortest]
+    knots = knots_of_jerks((start, 0.0, 0.0), phases, end)
+    knots[:, SIGMA] = np.minimum(knots[:, SIGMA], end)  # rounding takes no knot beyond it
+    return Profile(knots)

@@ -18,8 +18,8 @@ import ruckig
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import CarriageLimits
-from duoglide.motion.checked import SpeedCap
-from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
+from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, knots_of_jerks
+from duoglide.motion.rounded_path import SpeedCap
 from duoglide.planning.retiming import Retiming, RetimingProblem
 from duoglide.planning.timed_curve import SigmaCap, TimedCurve
 
@@ -143,14 +143,10 @@ class Lead:
             return None
         times = np.array(profile.t) * second
         jerks = np.array(profile.j) * length / second**3
-        knots = [(0.0, start, self.speed, self.acceleration)]
-        for h, j in zip(times.tolist(), jerks.tolist(), strict=True):
-            if h > _VANISHED * float(times.sum()):
-                t, s, v, a = knots[-1]
-                way = s + h * (v + h * (a / 2.0 + h * j / 6.0))
-                knots.append((t + h, way, v + h * (a + h * j / 2.0), a + h * j))
-        knots[-1] = (knots[-1][0], start + length, 0.0, 0.0)
-        return _never_turning(np.array(knots))
+        last = times > _VANISHED * times.sum()
+        phases = zip(jerks[last].tolist(), times[last].tolist(), strict=True)
+        state = (start, self.speed, self.acceleration)
+        return _never_turning(knots_of_jerks(state, phases, start + length))
 
 
 def along(known: Profile, problem: RetimingProblem) -> Retiming:

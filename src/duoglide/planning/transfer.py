@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import ruckig
 from numpy.typing import ArrayLike
@@ -13,9 +11,9 @@ from duoglide.errors import DuoglideError, InputError, LimitError, PathError, Un
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import inverse
 from duoglide.machine import Machine
+from duoglide.motion.motion import Motion
 from duoglide.motion.path import Path
 from duoglide.motion.profile import Profile
-from duoglide.motion.stopping import StopBounds
 from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
@@ -124,12 +122,11 @@ def _stand(machine: Machine, carriages: FloatArray) -> Trajectory:
 
 
 def _timed(path: TransferPath, brake_safe: bool) -> Trajectory:
-    end = path.duration
-    profile = Profile(np.array([[0.0, 0.0, 1.0, 0.0], [end, end, 1.0, 0.0]]))
     report = TimingReport(method=TimingMethod.TRANSFER)
-    draft = Trajectory(path, profile, StopBounds.constant(end, 1.0, 1.0), report=report)
-    trajectory = dataclasses.replace(draft, stops=stop_bounds(draft))
-    return make_brake_safe(trajectory) if brake_safe else trajectory
+    motion = Motion(path, Profile.steady(path.duration), report=report)
+    if brake_safe:
+        motion = make_brake_safe(motion)
+    return Trajectory.of(motion, stop_bounds(motion))
 
 
 def _planned(machine: Machine, path: Path, brake_safe: bool) -> Trajectory:

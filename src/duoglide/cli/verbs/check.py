@@ -91,10 +91,12 @@ def check(
 def _draw_refused(machine: Machine, path: MotionPath, error: PathError, picture: Path) -> None:
     """Draw where a path fails, unless its blends do not fit: then there is nothing to draw."""
     from duoglide.drawing.picture import save
-    from duoglide.motion.path_picture import plot_refused
+    from duoglide.motion.curve_picture import plot_in_machine
+    from duoglide.motion.rounded_path import round_corners
 
     if error.position:
-        save(plot_refused(machine, path, error), picture)
+        curve = round_corners(path).platform_curve(machine)
+        save(plot_in_machine(machine, curve, (7.0, 6.0), error), picture)
 
 
 def _explain(checked: CheckedPath) -> None:

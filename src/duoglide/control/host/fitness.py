@@ -16,7 +16,7 @@ from duoglide.motion.trajectory import Trajectory
 if TYPE_CHECKING:
     from duoglide.control.channel.scale import Triple
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import State
+    from duoglide.motion.motion import State
 
 _PERIOD = 0.0005  # [s] between two places that are looked at
 _FEWEST = 200
