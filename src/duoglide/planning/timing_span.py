@@ -204,7 +204,7 @@ def fitting_bounds(timed: TimedCurve, marked: FloatArray) -> tuple[float, float,
     sigma = np.unique(np.concatenate([np.linspace(marked[0], marked[-1], 65), marked]))
     unit = np.zeros((sigma.size, 4))
     unit[:, 0], unit[:, 1] = sigma, 1.0
-    use = np.abs(timed.motion(unit, timed.pieces_of(sigma))[:, 0])  # of velocity, at 1 mm/s
+    use = np.abs(timed.motion(unit, timed.pieces_between(sigma))[:, 0])  # of velocity, at 1 mm/s
     slopes = use * timed.limits[0]
     largest = np.maximum(slopes, 1e-12 * slopes.max()).max(axis=0)
     speed, acceleration, jerk = (timed.limits / largest).min(axis=1).tolist()
