@@ -15,6 +15,7 @@ from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import room
+from duoglide.planning._compare import whole
 from duoglide.planning.braking import ALLOWED, BrakeReport, Brakes, brake_report
 from duoglide.planning.stopping import stop_bounds
 from duoglide.planning.timing_use import peaks
@@ -133,7 +134,7 @@ def _sampled(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
 
     These are the largest ones near by: a cap must hold between two samples, and none is zero.
     """
-    count = int(np.clip(trajectory.duration / _SAMPLE, _FEWEST_SAMPLES, _MOST_SAMPLES))
+    count = int(np.clip(whole(trajectory.duration / _SAMPLE), _FEWEST_SAMPLES, _MOST_SAMPLES))
     motion = trajectory.profile.at(np.linspace(0.0, trajectory.duration, count + 1))
     sigma, first = np.unique(motion[:, 0], return_index=True)
     speed = np.pad(motion[first, 1], 2, mode="edge")

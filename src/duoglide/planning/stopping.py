@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from duoglide.arrays import FloatArray
 from duoglide.machine import Machine
 from duoglide.motion.stopping import RateTable, StopBounds
+from duoglide.planning._compare import first_least, whole
 from duoglide.planning._stopping_kernel import largest_slopes, windows
 
 CELL = 0.002  # s of path time, at the least
@@ -71,7 +72,7 @@ def stop_bounds(trajectory: Timed) -> StopBounds:
     duration = trajectory.duration
     if duration <= 0.0:
         return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
-    cells = int(np.ceil(duration / _cell(trajectory)))
+    cells = whole(duration / _cell(trajectory))
     falling, rising = (_table(allowed, duration) for allowed in _allowed(trajectory, cells))
     return StopBounds(duration, falling, rising)
 
@@ -83,8 +84,8 @@ def stop_bounds_until(trajectory: Timed, end: float) -> StopBounds:
         trajectory: The whole of the motion.
         end: Where another motion takes over, unless a change is under way [s], above 0.
     """
-    first = int(np.ceil(end / _cell(trajectory)))
-    cells = int(np.ceil(trajectory.duration / (end / first)))
+    first = whole(end / _cell(trajectory))
+    cells = whole(trajectory.duration / (end / first))
     longer = _Longer(trajectory, end / first * cells)
     tables = []
     for allowed in _allowed(longer, cells):
@@ -142,7 +143,7 @@ def _allowed(trajectory: Timed, cells: int) -> FloatArray:
 def _table(allowed: FloatArray, duration: float) -> RateTable:
     """Choose for each cell the shape with the quickest change."""
     slope, until = _through_windows(allowed, duration)
-    best = np.argmin((1.0 + _SHAPES[:, None]) / slope, axis=0)
+    best = first_least((1.0 + _SHAPES[:, None]) / slope)
     columns = np.arange(best.size)
     chosen = slope[best, columns]
     return RateTable(chosen, chosen**2 / _SHAPES[best], until[best, columns])

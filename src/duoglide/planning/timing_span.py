@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.timing_report import TimingMethod
+from duoglide.planning._compare import less
 from duoglide.planning.retiming import Retiming, RetimingProblem, on_grid
 from duoglide.planning.timed_curve import CellMotion, TimedCurve
 from duoglide.planning.timing_base import seven_phases
@@ -88,7 +89,7 @@ def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Sp
     if search.fixed.size > 2:
         return found
     simple = search.simple()  # which is the optimum where all carriages move alike
-    return found if found.profile.duration < simple.duration else Span(simple)
+    return found if less(found.profile.duration, simple.duration) else Span(simple)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,9 +150,10 @@ def estimate(
         found = problem.settled(problem.uniform(), 1, _ABOUT)
     else:
         found = problem.improved(like.begin(search.fixed, times), _AGAIN, _ABOUT)
+    if not found.converged:
+        return Rough(inf, search.fixed, times, times, found)
     shown = np.append(0.0, np.cumsum(found.durations(problem.delta)))
-    duration = float(shown[-1]) if found.converged else inf
-    return Rough(duration, search.fixed, times, shown, found)
+    return Rough(float(shown[-1]), search.fixed, times, shown, found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
