@@ -6,7 +6,6 @@ answers until that has added up to something: whoever has one large batch never 
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from typing import Any
@@ -15,15 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
-from duoglide.kinematics import _nearest_pose, kernels, reach
-from duoglide.kinematics._nearest_pose import CurveNumbers, nearest_loop
-from duoglide.kinematics.compiled import compiled, kept
+from duoglide.kinematics import kernels
+from duoglide.kinematics.compiled import compiled
 from duoglide.kinematics.constants import Constants
 
 WORTH_LOADING = 1_000_000  # poses that numpy answers before numba is loaded for the next
 WORTH_CALLING = 500  # poses, from which calling compiled loops pays once they are loaded
-WORTH_ASKING = 12  # calls of ``nearest_surface`` that numpy answers first
-WORTH_COMPILING = 200  # the same, where the compiler has to make the loop first
 BLOCK = 4096  # poses at a time in numpy: what is between the steps stays in the cache
 DOUBLE = np.dtype(np.float64)
 ARRAY, FLOAT, EMPTY, ONE_POSE = np.ndarray, float, np.empty, (3,)
@@ -35,11 +31,9 @@ _legs_columns = kernels.in_numpy(kernels.legs_pose)
 
 
 class _Answered:
-    """How many poses numpy has answered in this process, and how often it found the nearest."""
+    """How many poses numpy has answered in this process."""
 
     poses = 0
-    nearest = 0
-    enough: int | None = None  # of them, after which the loop pays
 
 
 def inverse_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
@@ -86,23 +80,6 @@ def legs_many(rise: FloatArray, k: Constants) -> tuple[FloatArray, FloatArray]:
     out = np.empty((2, *rise.shape))
     _compiled(kernels.legs_loop)(rise.reshape(-1), out.reshape(-1), k)
     return out[0], out[1]
-
-
-def nearest_many(
-    position: FloatArray, within: float, k: Constants, curve: CurveNumbers, out: Any
-) -> None:
-    """Write what ``nearest_of_pose`` finds for positions of shape (n, 3), as ``nearest_loop``."""
-    _compiled(nearest_loop)(_flat(position), within, k, curve, out)
-
-
-def nearest_loop_pays() -> bool:
-    """Whether the process has numba already, and asks for the nearest surface again and again."""
-    _Answered.nearest += 1
-    if _Answered.nearest <= WORTH_ASKING or "numba" not in sys.modules:
-        return False
-    if _Answered.enough is None:
-        _Answered.enough = WORTH_ASKING if kept(_compiled(nearest_loop)) else WORTH_COMPILING
-    return _Answered.nearest > _Answered.enough
 
 
 def _blocks(given: FloatArray, out: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -200,11 +177,5 @@ def register_kernels() -> None:
         kernels.forward_pose,
         kernels.margins_pose,
         kernels.legs_pose,
-        kernels.case2_point,
-        reach.links_pose,
-        _nearest_pose.sample_gap,
-        _nearest_pose.refined,
-        _nearest_pose.nearest_on_piece,
-        _nearest_pose.nearest_of_pose,
     ):
         register_jitable(kernel)

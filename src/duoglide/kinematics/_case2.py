@@ -185,30 +185,18 @@ def curve_of(g: Geometry, v: int) -> Case2Curve:
 
 
 @lru_cache(maxsize=32)
-def packed_curve(g: Geometry, v: int) -> CurveNumbers:
-    """Return the curve of a geometry in arrays, the samples of all pieces one after the other."""
-    curve = curve_of(g, v)
-    pieces = curve.pieces
-    low, high = curve.line or (inf, -inf)
-    ends = np.cumsum([0, *(piece.delta.size for piece in pieces)])
-    numbers = [
-        (start, end, piece.spacing, *piece.box)
-        for start, end, piece in zip(ends[:-1], ends[1:], pieces, strict=True)
-    ]
-    samples = [np.column_stack([piece.delta, piece.X, piece.Z]) for piece in pieces]
-    return CurveNumbers(
-        *(curve.F1, curve.l6, float(v), low, high),
-        pieces=np.array(numbers, dtype=np.float64).ravel(),
-        samples=np.concatenate([np.empty(0), *(part.ravel() for part in samples)]),
-    )
-
-
-@lru_cache(maxsize=32)
 def plain_curve(g: Geometry, v: int) -> CurveNumbers:
     """Return the curve of a geometry in tuples: plain code is quicker with them than arrays."""
-    packed = packed_curve(g, v)
-    pieces, samples = tuple(packed.pieces.tolist()), tuple(packed.samples.tolist())
-    return packed._replace(pieces=pieces, samples=samples)
+    curve = curve_of(g, v)
+    low, high = curve.line or (inf, -inf)
+    ends = np.cumsum([0, *(piece.delta.size for piece in curve.pieces)]).tolist()
+    pieces, samples = [], []
+    for start, end, piece in zip(ends[:-1], ends[1:], curve.pieces, strict=True):
+        pieces += [start, end, piece.spacing, *piece.box]
+        samples += np.column_stack([piece.delta, piece.X, piece.Z]).ravel().tolist()
+    return CurveNumbers(
+        *(curve.F1, curve.l6, float(v), low, high), pieces=tuple(pieces), samples=tuple(samples)
+    )
 
 
 def _ends(g: Geometry, v: int, side: int) -> tuple[float, ...]:

@@ -1,7 +1,6 @@
 """The nearest surface of one pose in plain floats: what ``nearest_surface`` does for many.
 
-numpy would spend most of its time on being called. Compiled, with the samples of the curve in
-arrays, this also serves many poses; all of them are tested against each other.
+numpy would spend most of its time on being called. Both are tested against each other.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 from math import copysign, sqrt
 from typing import Any, NamedTuple, TypeAlias
 
-from duoglide.arrays import FloatArray
 from duoglide.kinematics.constants import Constants
 from duoglide.kinematics.kernels import case2_point
 
@@ -22,7 +20,7 @@ Found: TypeAlias = tuple[float, float, float, int]  # distance, the direction aw
 
 
 class CurveNumbers(NamedTuple):
-    """The sampled curve of case 2, in tuples for plain code and in arrays for compiled code.
+    """The sampled curve of case 2, in tuples for plain code.
 
     Attributes:
         F1: 2 (b - d) [mm].
@@ -154,18 +152,3 @@ def refined(
     dx, dz = X - cx, Z - cz
     side = (-1.0 if dz * tx < dx * tz else 1.0) / sqrt(tx * tx + tz * tz)
     return sqrt(dx * dx + dz * dz), side * -tz, side * tx
-
-
-def nearest_loop(
-    flat: FloatArray, within: float, k: Constants, curve: CurveNumbers, out: Any
-) -> int:
-    """Run ``nearest_of_pose`` along x, y, z, x, ...; ``out`` as the arrays of ``Nearest``."""
-    distances, away, surfaces = out
-    for i in range(distances.size):
-        found = nearest_of_pose(flat[3 * i], flat[3 * i + 2], k, curve, within)
-        distances[i] = found[0]
-        away[i, 0] = found[1]
-        away[i, 1] = 0.0
-        away[i, 2] = found[2]
-        surfaces[i] = found[3]
-    return 0

@@ -9,18 +9,15 @@ This is what lies under ``clearance``, for callers that know their positions to 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 from typing import Any
 
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._batch import nearest_loop_pays, nearest_many
-from duoglide.kinematics._case2 import Case2Curve, IndexArray, curve_of, packed_curve
+from duoglide.kinematics._case2 import Case2Curve, IndexArray, curve_of
 from duoglide.kinematics._nearest_pose import SURFACES
-from duoglide.kinematics.constants import pose_constants
-from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Geometry
 
 BLOCK = 4096  # poses at a time, to bound the memory
@@ -61,16 +58,12 @@ def nearest_surface(g: Geometry, v: int, position: FloatArray, within: float = i
     shape, poses = position.shape[:-1], position.size // 3
     distance, away = np.empty(poses), np.zeros((poses, 3))
     surface = np.empty(poses, dtype=np.intp)
-    if nearest_loop_pays():
-        k = pose_constants(g, replace(WORKING, v=v))
-        nearest_many(position, within, k, packed_curve(g, v), (distance, away, surface))
-    else:
-        _in_blocks(g, v, position, within, (distance, away, surface))
+    _in_blocks(g, v, position, within, (distance, away, surface))
     return Nearest(distance.reshape(shape), away.reshape(position.shape), surface.reshape(shape))
 
 
 def _in_blocks(g: Geometry, v: int, position: FloatArray, within: float, out: Any) -> None:
-    """Do with numpy what ``nearest_loop`` does."""
+    """Find the nearest surfaces, a block of poses at a time."""
     distance, away, surface = out
     xb = g.platform_half_width - g.rail_half_spacing
     zb = g.carriage_height + g.strut_drop

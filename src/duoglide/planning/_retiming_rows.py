@@ -195,8 +195,11 @@ def _fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, o
             r += 2
         for p in range(POINTS):
             if p < 2 or k == delta.size - 1:  # elsewhere this is the next cell's first point
+                pace = speed[k, p]
+                if p == 0 and k > 0:  # a cap may end here: the node belongs to both cells
+                    pace = max(pace, speed[k - 1, POINTS - 1])
                 for j in range(WIDTH):
-                    rows[r, j] = speed[k, p] * at[p, 0, j]
+                    rows[r, j] = pace * at[p, 0, j]
                 bounds[r] = 1.0
                 r += 1
                 for i in range(acceleration.shape[2]):

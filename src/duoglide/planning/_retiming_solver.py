@@ -70,12 +70,27 @@ def solve(limits: Limits, start: Nodes, tolerance: float, from_rest: bool = True
     if cells < LONG or not from_rest:
         rows = _rows(limits, start)
         return Solution(*_window(limits, rows, start, (from_rest, True), tolerance))
-    edges = np.linspace(0, cells, round(cells / WINDOW) + 1).astype(np.intp)
-    between = (edges[1:] + edges[:-1]) // 2
+    edges, between = _cuts(cells)
     first = _sweep(limits, start, edges, tolerance)
     if not first.converged:
         return first
-    return _sweep(limits, first.nodes, np.array([0, *between, cells]), tolerance)
+    return _sweep(limits, first.nodes, between, tolerance)
+
+
+def _cuts(cells: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where the windows of both sweeps begin and end."""
+    edges = np.linspace(0.0, cells, round(cells / WINDOW) + 1)
+    between = 0.5 * (edges[1:] + edges[:-1])
+    return _mirrored(edges, cells), _mirrored(np.append(0.0, between), cells)
+
+
+def _mirrored(cuts: FloatArray, cells: int) -> NDArray[np.intp]:
+    """Round cuts to whole cells so that they are the same seen from either end.
+
+    A cut in the middle of the middle cell becomes the two about that cell.
+    """
+    low = np.floor(cuts[cuts <= 0.5 * cells]).astype(np.intp)
+    return np.union1d(low, cells - low)
 
 
 def _sweep(limits: Limits, start: Nodes, cuts: NDArray[np.intp], tolerance: float) -> Solution:
@@ -85,6 +100,8 @@ def _sweep(limits: Limits, start: Nodes, cuts: NDArray[np.intp], tolerance: floa
     alpha, beta = start[0] * scale, start[1] * scale
     kept = 0
     for low, high in pairwise(cuts.tolist()):
+        if high - low == 1:
+            continue  # both of its nodes stay as they are
         at = slice(low, high + 1)
         part = limits.window(low, high)
         rows = _rows(part, (start[0][at], start[1][at]))

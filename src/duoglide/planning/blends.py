@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import exp, inf, log, sqrt
+from math import exp, inf, isfinite, sqrt
 
 import numpy as np
 
@@ -21,14 +21,17 @@ from duoglide.motion.blend import Blend
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import Line
 from duoglide.motion.rounded_path import RoundedPath, round_corners
+from duoglide.planning._compare import less
 from duoglide.planning.timed_curve import TimedCurve
-from duoglide.planning.timing_span import estimate
+from duoglide.planning.timing_span import Rough, estimate
 
-_START = (0.9, 0.5)  # of the search: balance and shape
-_STEPS = (0.25, 0.05)  # first steps of log balance and of shape
+_START = (-0.1, 0.5)  # of the search: balance and shape
+_STEPS = (0.25, 0.05)  # first steps of both
 _SHAPES = (0.3, 0.6)  # beyond, a blend passes its corner on the outside
-_BALANCES = (0.2, 1.0)
+_BALANCES = (-1.6, 1.6)  # one cut-back is five times the other at most
 _HALVINGS = 1
+_FLAT = 1e-5  # of the time; a parabola that bends less has no peak worth going to
+_EQUAL = 1e-6  # relative; two lines whose lengths differ by less are equally long
 _CELLS = 32
 _MOST_CORNERS = 40  # for more of them no trials are made
 _EXACT = 1e-9  # relative, to which a tolerance is used, from below
@@ -43,7 +46,8 @@ class Style:
     """What all blends of a path have in common.
 
     Attributes:
-        balance: Cut-back on the shorter segment over that on the longer one.
+        balance: Log of the cut-back on the shorter line over that on the longer one. Of two equal
+            lines, the one nearer to an end of the path counts as shorter.
         shape: See ``Blend``.
     """
 
@@ -60,18 +64,19 @@ class _Corner:
         cosine: Of the angle by which the path turns.
         tolerance: [mm].
         room: Longest cut-back before and after it [mm].
-        short_first: Whether the line before it is the shorter one.
+        side: What the balance of a style counts here, as log of before over after: 1, or -1; or 0
+            where neither line is shorter, nor nearer to an end of the path.
     """
 
     index: int
     cosine: float
     tolerance: float
     room: tuple[float, float]
-    short_first: bool
+    side: int
 
     def blend(self, style: Style) -> Blend:
         """Return the blend of a style that uses the whole tolerance, or the room that there is."""
-        balance = style.balance if self.short_first else 1.0 / style.balance
+        balance = exp(self.side * style.balance)
         scale = (1.0 - _EXACT) * self.tolerance / self._deviation(balance, 1.0, style.shape)
         before, after = balance * scale, scale
         if before > self.room[0]:
@@ -138,7 +143,10 @@ def choose_blends(machine: Machine, path: Path) -> Path:
         return path
     if len(corners) > _MOST_CORNERS:
         return _styled(path, corners, Style(*_START))
-    return _Search(machine, path, corners).best()
+    start = _START
+    if len(corners) == 1 and corners[0].side == 0:  # both ways are searched, from the middle
+        start, corners = (0.0, _START[1]), [replace(corners[0], side=1)]
+    return _Search(machine, path, corners).best(start)
 
 
 def _open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
@@ -156,9 +164,19 @@ def _open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
         beside = [0 <= k < len(blends) and blends[k] is not None for k in (i - 1, i + 1)]
         room = [way * (0.5 if two else 1.0) for way, two in zip(lengths, beside, strict=True)]
         cosine = float(ways[0] @ ways[1]) / (lengths[0] * lengths[1])
-        first = lengths[0] <= lengths[1]
-        found.append(_Corner(i, cosine, tolerance, (room[0], room[1]), first))
-    return found
+        found.append(_Corner(i, cosine, tolerance, (room[0], room[1]), _side(lengths)))
+    middle = 0.5 * (len(path.corners) - 1)
+    return [c if c.side else replace(c, side=_sign(middle - c.index)) for c in found]
+
+
+def _side(lengths: list[float]) -> int:
+    """Return 1 where the first of two lines is the shorter one, -1 where it is the longer one."""
+    longer = lengths[1] / lengths[0] - 1.0
+    return 0 if abs(longer) < _EQUAL else _sign(longer)
+
+
+def _sign(value: float) -> int:
+    return (value > 0.0) - (value < 0.0)
 
 
 def _styled(path: Path, corners: list[_Corner], style: Style) -> Path:
@@ -184,48 +202,52 @@ class _Search:
         self._corners = corners
         self._offset = np.subtract(machine.work_frame, machine.tool_offset)
         self._times: dict[tuple[float, float], float] = {}
+        self._like: list[Rough] = []  # where every estimate begins
 
-    def best(self) -> Path:
-        """Return the path with the quickest blends found, or the path itself if that is quicker."""
-        point = (log(_START[0]), _START[1])
+    def best(self, point: tuple[float, float]) -> Path:
+        """Return the path with the quickest blends found from a balance and a shape on.
+
+        That is the path itself where nothing found is quicker.
+        """
         scale = 1.0
         for _ in range(_HALVINGS + 1):
             for axis in (1, 0):
                 point = self._along(point, axis, _STEPS[axis] * scale)
             scale *= 0.5
-        style = _style(point)
-        if self._time_of(self._path) <= self._time(point):
+        if not less(self._time(point), self._time_of(self._path)):
             return self._path
-        return _styled(self._path, self._corners, style)
+        return _styled(self._path, self._corners, Style(*point))
 
     def _along(self, point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
         """Go to the better side along one axis, and on to the peak of a parabola."""
         here = self._time(point)
         sides = [self._moved(point, axis, sign * step) for sign in (-1.0, 1.0)]
         low, high = (self._time(side) for side in sides)
+        candidates = [point, *sides]
         bend = low - 2.0 * here + high
-        best = min((here, point), (low, sides[0]), (high, sides[1]))
-        if np.isfinite(bend) and bend > 0.0:
-            steps = float(np.clip(0.5 * (low - high) / bend, -2.0, 2.0))
-            top = self._moved(point, axis, steps * step)
-            best = min(best, (self._time(top), top))
-        return best[1]
+        if _FLAT * here < bend < inf:
+            steps = min(max(0.5 * (low - high) / bend, -2.0), 2.0)
+            candidates.append(self._moved(point, axis, steps * step))
+        best = candidates[0]
+        for other in candidates[1:]:
+            if less(self._time(other), self._time(best)):
+                best = other
+        return best
 
     @staticmethod
     def _moved(point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
         values = [point[0], point[1]]
         values[axis] += step
         return (
-            float(np.clip(values[0], log(_BALANCES[0]), log(_BALANCES[1]))),
-            float(np.clip(values[1], *_SHAPES)),
+            min(max(values[0], _BALANCES[0]), _BALANCES[1]),
+            min(max(values[1], _SHAPES[0]), _SHAPES[1]),
         )
 
     def _time(self, point: tuple[float, float]) -> float:
-        key = (round(point[0], 3), round(point[1], 4))
-        if key not in self._times:
-            path = _styled(self._path, self._corners, _style(point))
-            self._times[key] = self._time_of(path)
-        return self._times[key]
+        if point not in self._times:
+            path = _styled(self._path, self._corners, Style(*point))
+            self._times[point] = self._time_of(path)
+        return self._times[point]
 
     def _time_of(self, path: Path) -> float:
         """Estimate how long a path takes [s]; infinity where it cannot be followed."""
@@ -234,11 +256,13 @@ class _Search:
             curve = rounded.curve.moved(self._offset)
             caps = rounded.speed_caps
             timed = TimedCurve(self._machine, curve, caps, path.tool_acceleration)
-            rests = [0.0, *curve.rests, curve.end]
-            return sum(estimate(timed, *span, _CELLS) for span in pairwise(rests))
+            spans = list(pairwise([0.0, *curve.rests, curve.end]))
+            if not self._like:
+                found = [estimate(timed, *span, _CELLS) for span in spans]
+                if not all(isfinite(rough.duration) for rough in found):
+                    return inf
+                self._like = found
+            pairs = zip(spans, self._like, strict=True)
+            return sum(estimate(timed, *span, _CELLS, like).duration for span, like in pairs)
         except (PathError, UnreachableError, SingularityError):
             return inf
-
-
-def _style(point: tuple[float, float]) -> Style:
-    return Style(exp(point[0]), point[1])

@@ -23,6 +23,7 @@ from duoglide.motion.motion import Motion
 from duoglide.planning._admissible import Room, locate, room
 from duoglide.planning._brake_cells import PARTS, BrakeCells, Brakes
 from duoglide.planning._carriage_bounds import CarriageBounds
+from duoglide.planning._compare import first_least, whole
 from duoglide.planning._nearby import room_on
 
 __all__ = ["ALLOWED", "BrakeReport", "Brakes", "brake_report"]
@@ -84,7 +85,7 @@ def brake_report(motion: Motion) -> BrakeReport:
     speeds = np.abs(motion.at(np.linspace(0.0, duration, 101)).velocity)
     step = _STEP * motion.machine.geometry.leg_length
     longest = max(_CELL, step / max(float(speeds.max()), 1e-300))
-    count = max(_FEWEST, int(np.ceil(duration / longest)))
+    count = max(_FEWEST, whole(duration / longest))
     edges = np.linspace(0.0, duration, count + 1)
     bounds = CarriageBounds.of(motion)
     search = _Search(motion.machine)
@@ -119,7 +120,7 @@ class _Search:
             here, lowest = room_on(self._machine, patch, self._clear_enough())
             self._note(here, cells.times, patch.middle)
             if left + len(cells) == _MOST:
-                self._descend(cells, int(np.argmin(here.clearance)))
+                self._descend(cells, int(first_least(here.clearance)))
             least, clear = (
                 np.where(np.isnan(v), -np.inf, v) for v in (lowest.least(), lowest.clearance)
             )
@@ -174,7 +175,7 @@ class _Search:
             carriages = cells.brakes(times)
             here = room(self._machine, carriages)
             self._note(here, times, carriages)
-            place, step = times[np.argmin(here.clearance)], 0.4 * step
+            place, step = times[first_least(here.clearance)], 0.4 * step
 
     def _enough(self) -> float:
         """Return the room above which a cell is closed."""

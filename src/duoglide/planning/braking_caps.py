@@ -15,6 +15,7 @@ from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.motion import Motion
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import room
+from duoglide.planning._compare import whole
 from duoglide.planning.braking import ALLOWED, BrakeReport, Brakes, brake_report
 from duoglide.planning.timing_use import peaks
 
@@ -131,7 +132,7 @@ def _sampled(motion: Motion) -> tuple[FloatArray, FloatArray]:
 
     These are the largest ones near by: a cap must hold between two samples, and none is zero.
     """
-    count = int(np.clip(motion.duration / _SAMPLE, _FEWEST_SAMPLES, _MOST_SAMPLES))
+    count = int(np.clip(whole(motion.duration / _SAMPLE), _FEWEST_SAMPLES, _MOST_SAMPLES))
     along = motion.profile.at(np.linspace(0.0, motion.duration, count + 1))
     sigma, first = np.unique(along[:, 0], return_index=True)
     speed = np.pad(along[first, 1], 2, mode="edge")

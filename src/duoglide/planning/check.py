@@ -11,7 +11,6 @@ from duoglide.motion.curve import Curve
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import show
 from duoglide.motion.rounded_path import RoundedPath, round_corners
-from duoglide.planning.check_judge import count_curve
 from duoglide.planning.check_least import least_margins
 from duoglide.planning.check_refusal import assembly_error, refusal
 from duoglide.planning.check_rules import Rules
@@ -83,7 +82,6 @@ def check_curve(machine: Machine, curve: Curve) -> CheckReport:
     Raises:
         PathError: The machine cannot follow it, or it is torn.
     """
-    count_curve()
     _require_whole(curve)
     rules = Rules.of(machine, curve)
     failure = first_failure(rules)

@@ -7,7 +7,7 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.singularity import FAMILIES, margins
 from duoglide.motion.checked import CheckReport, LeastMargin
-from duoglide.planning.check_judge import judge_points, kernel_pays, measured
+from duoglide.planning.check_judge import judge_points
 from duoglide.planning.check_rules import CLEARANCE, IndexArray, Intervals, Rules
 from duoglide.planning.check_search import first_intervals
 
@@ -80,10 +80,6 @@ def _promising(rules: Rules, intervals: Intervals) -> Intervals:
 def _measure(rules: Rules, sigma: FloatArray, cleared: bool = True) -> FloatArray:
     """Margins of every family, not less what is required, shape (n, families)."""
     points = rules.curve.position(sigma)
-    if kernel_pays():
-        result = measured(rules, points)
-        result[:, : rules.required.size] += rules.required
-        return result
     found = margins(rules.machine.geometry, points).by_family()
     surfaces = np.stack([np.abs(found[name]) for name in FAMILIES], axis=-1)
     return np.concatenate([judge_points(rules, points, cleared) + rules.required, surfaces], axis=1)

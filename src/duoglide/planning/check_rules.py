@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics._case2 import packed_curve
-from duoglide.kinematics._nearest_pose import CurveNumbers
 from duoglide.kinematics.constants import Constants, pose_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
@@ -25,38 +23,6 @@ BASE_FAMILIES = ("clearance", "travel_1", "travel_2", "travel_3", "order")
 IndexArray: TypeAlias = NDArray[np.intp]
 
 
-class RuleNumbers(NamedTuple):
-    """A machine's rules as compiled code takes them.
-
-    Attributes:
-        k: The kinematics' constants.
-        curve: The curve of case 2.
-        limit: Half length of the rails [mm].
-        required: What each margin must be at least [mm], shape (families,).
-        boxes: Low and high corners of the keep-out boxes [mm], shape (n, 2, 3).
-    """
-
-    k: Constants
-    curve: CurveNumbers
-    limit: float
-    required: FloatArray
-    boxes: FloatArray
-
-    @classmethod
-    def of(cls, machine: Machine) -> RuleNumbers:
-        """Collect the numbers of a machine's rules."""
-        geometry, boxes = machine.geometry, machine.keep_out
-        required = [machine.clearance, 0.0, 0.0, 0.0, machine.carriage_width, *(0.0 for _ in boxes)]
-        corners = np.array([(box.low, box.high) for box in boxes], dtype=np.float64)
-        return cls(
-            k=pose_constants(geometry, WORKING),
-            curve=packed_curve(geometry, WORKING.v),
-            limit=float(geometry.rail_half_length),
-            required=np.array(required, dtype=np.float64),
-            boxes=corners.reshape(-1, 2, 3),
-        )
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Rules:
     """A machine's rules along a curve.
@@ -65,33 +31,28 @@ class Rules:
         machine: The machine.
         curve: Where its platform's centre goes, in the base frame.
         bounds: Bounds on the derivatives of the curve.
-        numbers: The machine's rules in numbers.
+        constants: The kinematics' constants.
+        required: What each margin must be at least [mm].
     """
 
     machine: Machine
     curve: Curve
     bounds: CurveBounds
-    numbers: RuleNumbers
+    constants: Constants
+    required: FloatArray
 
     @classmethod
     def of(cls, machine: Machine, curve: Curve) -> Rules:
         """Collect what the rules need."""
-        return cls(machine, curve, curve_bounds(curve), RuleNumbers.of(machine))
+        boxes = [0.0] * len(machine.keep_out)
+        required = [machine.clearance, 0.0, 0.0, 0.0, machine.carriage_width, *boxes]
+        constants = pose_constants(machine.geometry, WORKING)
+        return cls(machine, curve, curve_bounds(curve), constants, np.array(required))
 
     @property
     def families(self) -> tuple[str, ...]:
         """Names of the rules, in the order of the columns of margins."""
         return (*BASE_FAMILIES, *(f"keep_out {box.name}" for box in self.machine.keep_out))
-
-    @property
-    def constants(self) -> Constants:
-        """The kinematics' constants."""
-        return self.numbers.k
-
-    @property
-    def required(self) -> FloatArray:
-        """What each margin must be at least [mm]."""
-        return self.numbers.required
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,7 @@ FIRST_LENGTH = 16.0  # [mm] of the intervals to begin with
 PARTS = 4  # into which an undecided interval is cut
 BLOCK = 32768  # intervals at a time, to bound the memory
 STRETCH = BLOCK * FIRST_LENGTH  # [mm] of sigma at a time, for the same reason
+ROUNDING = 1e-9  # of an interval: one that is longer by so little need not be two
 TINIEST = 1e-9  # [mm] of sigma; nothing shorter is cut
 
 
@@ -54,7 +55,8 @@ def first_intervals(rules: Rules, start: float = 0.0, end: float = np.inf) -> In
     """Cover every piece with intervals that are not too long to begin with."""
     low = np.maximum(rules.curve.breaks[:-1], start)
     spans = np.minimum(rules.curve.breaks[1:], end) - low
-    counts = np.ceil(np.maximum(spans, 0.0) / FIRST_LENGTH).astype(np.intp)
+    counts = np.ceil(np.maximum(spans, 0.0) / FIRST_LENGTH - ROUNDING).astype(np.intp)
+    counts[spans > 0.0] = np.maximum(counts[spans > 0.0], 1)
     piece = np.repeat(np.arange(spans.size), counts)
     within = np.arange(piece.size) - np.repeat(np.cumsum(counts) - counts, counts)
     half = 0.5 * spans[piece] / counts[piece]

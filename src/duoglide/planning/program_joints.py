@@ -13,7 +13,7 @@ from duoglide.motion.path import Path
 from duoglide.motion.path_segments import COINCIDENT, Segment, distance, show
 from duoglide.motion.rounded_path import round_corners
 from duoglide.planning.blends import choose_blends
-from duoglide.planning.program_windows import STRAIGHT
+from duoglide.planning.program_windows import ROUNDING, STRAIGHT
 
 _MANY = 5.0  # times the room for a seam; a blend that long may lose so much
 _FOLLOWING = 2  # segments of the next path that decide how long the blend into it may be
@@ -93,7 +93,7 @@ def _leaving_room(joint: Corner, following: Segment) -> Corner:
     if not isinstance(joint, Blend):
         return joint
     half = 0.5 * distance(following.start, following.end)
-    room = half - STRAIGHT if half > _MANY * STRAIGHT else half
+    room = half - STRAIGHT if half > _MANY * STRAIGHT + ROUNDING else half
     return replace(joint, after=min(joint.after, room))
 
 

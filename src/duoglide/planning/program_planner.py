@@ -29,6 +29,7 @@ from duoglide.motion.rounded_path import round_corners
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.program_joints import Entry, entries
 from duoglide.planning.program_windows import (
+    ROUNDING,
     Seam,
     before_joint,
     place_of_seam,
@@ -178,12 +179,12 @@ class _Program:
             if not self._reaches(count + 1):
                 break
             path, count = path.then(self.queue[count].path, corner), count + 1
-            if _chords(path) < enough:
+            if _chords(path) < enough - ROUNDING:
                 continue
             until, rest = before_joint(path, self.queue[count - 1].corner)
             rounded = round_corners(until)
             seam = place_of_seam(rounded, until, max(float(rounded.waypoints[first]), ahead))
-            if seam is not None and seam + ahead <= rounded.curve.end:
+            if seam is not None and seam + ahead <= rounded.curve.end + ROUNDING:
                 return _Window(until, count, seam, rest)
         return _Window(path, count)
 

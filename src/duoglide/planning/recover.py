@@ -28,6 +28,7 @@ from duoglide.motion.trajectory import Trajectory
 from duoglide.motion.transfer_path import TransferPath
 from duoglide.planning._admissible import TOUCHING, locate, room
 from duoglide.planning._certify import keeps
+from duoglide.planning._compare import first_least
 from duoglide.planning._rest_to_rest import rest_to_rest
 from duoglide.planning.stopping import stop_bounds
 
@@ -89,7 +90,7 @@ def _next_corner(machine: Machine, here: FloatArray) -> FloatArray:
     before = float(room(machine, here[None]).least()[0])
     for target in _targets(machine, here):
         end, margin = _way_toward(machine, here, target)
-        better = margin > 0.0 >= before + gain or margin - before > gain
+        better = margin > 0.0 >= before + gain or margin - before > gain + _LOSS
         if better and _is_certain(machine, here, end):
             best, gain = end, margin - before
             if margin > 0.0:
@@ -141,8 +142,8 @@ def _good_part(machine: Machine, start: FloatArray, target: FloatArray) -> tuple
     bad = np.any(lost & ((kept < kept[:, :1]) | (margins <= _LOSS)), axis=0)
     end = int(np.argmax(bad)) - 1 if bad.any() else _SAMPLES
     least = kept.min(axis=0)[: end + 1]
-    full = np.flatnonzero(least >= RESERVE)
-    stop = int(full[0]) if full.size else int(np.argmax(least))
+    full = np.flatnonzero(least >= RESERVE - _LOSS)
+    stop = int(full[0]) if full.size else int(first_least(-least, within=_LOSS))
     return places[stop], float(least[stop])
 
 

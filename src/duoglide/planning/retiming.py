@@ -154,17 +154,17 @@ class RetimingProblem:
         Args:
             use: Largest use of each limit in each cell, as ``CellMotion.uses``, (n, 3, rows).
         """
-        over = np.maximum(use, 1.0)
+        over = _at_points(np.maximum(use, 1.0))
         rows = self.acceleration.shape[2]
-        acceleration = over[:, 1, :]
-        if rows > acceleration.shape[1]:  # the tool's polygon
-            tool = np.repeat(acceleration[:, 3:], rows - 3, axis=1)
-            acceleration = np.concatenate([acceleration[:, :3], tool], axis=1)
+        acceleration = over[:, :, 1, :]
+        if rows > acceleration.shape[2]:  # the tool's polygon
+            tool = np.repeat(acceleration[..., 3:], rows - 3, axis=2)
+            acceleration = np.concatenate([acceleration[..., :3], tool], axis=2)
         return replace(
             self,
-            speed=self.speed * over[:, None, 0].max(axis=-1) ** 2,
-            acceleration=self.acceleration * acceleration[:, None, :rows, None],
-            jerk=self.jerk * over[:, None, 2, :3, None],
+            speed=self.speed * over[:, :, 0].max(axis=-1) ** 2,
+            acceleration=self.acceleration * acceleration[..., :rows, None],
+            jerk=self.jerk * over[:, :, 2, :3, None],
         )
 
     def profile(self, retiming: Retiming) -> Profile:
@@ -175,6 +175,21 @@ class RetimingProblem:
         knots[:, SPEED] *= np.sqrt(alpha)
         knots[1:, TIME] = np.cumsum(retiming.durations(self.delta))
         return Profile(knots)
+
+
+def _at_points(over: FloatArray) -> FloatArray:
+    """Spread what each cell asks for to its points; a node takes the more from its two cells.
+
+    Args:
+        over: Of each cell, (n, 3, rows).
+
+    Returns:
+        The same at the points of the cells, (n, points, 3, rows).
+    """
+    result = np.repeat(over[:, None], POINTS, axis=1)
+    node = np.maximum(over[1:], over[:-1])
+    result[1:, 0], result[:-1, -1] = node, node
+    return result
 
 
 def on_grid(base: Profile, times: FloatArray, breaks: FloatArray) -> Profile:

@@ -22,6 +22,7 @@ from duoglide.arrays import FloatArray
 from duoglide.motion.motion import Motion
 from duoglide.motion.profile import Profile
 from duoglide.motion.stopping import RateTable, StopBounds
+from duoglide.planning._compare import first_least, whole
 from duoglide.planning._stopping_kernel import largest_slopes, windows
 
 CELL = 0.002  # s of path time, at the least
@@ -47,7 +48,7 @@ def stop_bounds(motion: Motion) -> StopBounds:
     duration = motion.duration
     if duration <= 0.0:
         return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
-    cells = int(np.ceil(duration / _cell(motion)))
+    cells = whole(duration / _cell(motion))
     falling, rising = (_table(allowed, duration) for allowed in _allowed(motion, cells))
     return StopBounds(duration, falling, rising)
 
@@ -59,8 +60,8 @@ def stop_bounds_until(motion: Motion, end: float) -> StopBounds:
         motion: The whole of it, to rest.
         end: Where another motion takes over, unless a change is under way [s], above 0.
     """
-    first = int(np.ceil(end / _cell(motion)))
-    cells = int(np.ceil(motion.duration / (end / first)))
+    first = whole(end / _cell(motion))
+    cells = whole(motion.duration / (end / first))
     longer = _resting(motion, end / first * cells)
     tables = []
     for allowed in _allowed(longer, cells):
@@ -111,7 +112,7 @@ def _allowed(motion: Motion, cells: int) -> FloatArray:
 def _table(allowed: FloatArray, duration: float) -> RateTable:
     """Choose for each cell the shape with the quickest change."""
     slope, until = _through_windows(allowed, duration)
-    best = np.argmin((1.0 + _SHAPES[:, None]) / slope, axis=0)
+    best = first_least((1.0 + _SHAPES[:, None]) / slope)
     columns = np.arange(best.size)
     chosen = slope[best, columns]
     return RateTable(chosen, chosen**2 / _SHAPES[best], until[best, columns])

@@ -201,6 +201,13 @@ class TimedCurve:
             result[first:last] = np.minimum(result[first:last], cap.speed)
         return result
 
+    def pieces_between(self, sigma: FloatArray) -> NDArray[np.intp]:
+        """Do what ``pieces_of`` does for ascending sigma, the last of which ends its own piece."""
+        pieces = self.pieces_of(sigma)
+        last = np.searchsorted(self.curve.breaks, sigma[-1], side="left") - 1
+        result: NDArray[np.intp] = np.minimum(pieces, max(int(pieces[0]), int(last)))
+        return result
+
     def pieces_of(self, sigma: FloatArray) -> NDArray[np.intp]:
         """Return the index of the curve's piece that holds each sigma; at a break the later one."""
         inside = np.searchsorted(self.curve.breaks, sigma, side="right") - 1

@@ -7,8 +7,10 @@ from itertools import pairwise
 import numpy as np
 
 from duoglide.arrays import FloatArray
+from duoglide.planning._compare import whole
 
-_NEAR = 0.25  # of a step; a knot nearer than that to a more important one is left out
+_NEAR = 0.25 * (1.0 + 1e-9)  # of a step; a knot nearer than that to a more important one is left
+# out, and one just as near too, whatever rounding makes of that
 
 
 def grid(
@@ -36,7 +38,7 @@ def grid(
     step = (ends[-1] - ends[0]) / cells
     free = []
     for low, high in pairwise(ends):
-        count = max(int(np.ceil((high - low) / step - 0.3)), least)
+        count = max(whole((high - low) / step - 0.3), least)
         free.append(np.linspace(low, high, count + 1)[1:-1])
     kept = _apart(np.interp(wished, theta, shown), ends[1:-1], _NEAR * step)
     evenly = _apart(np.concatenate(free), kept, _NEAR * step)

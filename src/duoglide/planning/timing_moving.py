@@ -57,7 +57,7 @@ def _bounds(timed: TimedCurve, sigma: FloatArray) -> tuple[float, float, float]:
     if timed.has_caps:
         unit = np.zeros((sigma.size, 1, 4))
         unit[:, 0, 0], unit[:, 0, 1] = sigma, 1.0
-        caps = timed.caps(unit, timed.pieces_of(sigma)[:, None], sigma)
+        caps = timed.caps(unit, timed.pieces_between(sigma)[:, None], sigma)
         speed = min(speed, float((1.0 / caps.speed).min()))
     return speed, acceleration, jerk
 

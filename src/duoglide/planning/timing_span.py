@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.timing_report import TimingMethod
+from duoglide.planning._compare import less
 from duoglide.planning.retiming import Retiming, RetimingProblem, on_grid
 from duoglide.planning.timed_curve import CellMotion, TimedCurve
 from duoglide.planning.timing_base import seven_phases
@@ -19,8 +20,8 @@ from duoglide.planning.timing_use import POINTS, largest_use, stretch
 
 _ROUNDING = 1e-6
 _LONG = 6  # corrections, after which ``_NEARLY`` is enough
-_NEARLY = 3e-3  # of the duration
-_FINE = 1e-3  # of the duration; a motion that exceeds its limits by less needs no other round
+_NEARLY = 1e-3  # of the duration
+_FINE = 3e-4  # of the duration; a motion that exceeds its limits by less needs no other round
 _RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
 _USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
 _SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
@@ -28,6 +29,8 @@ _SAME = 1e-7  # of the duration; knots nearer than that are one
 COARSE = "a refinement did not converge: the motion before it is kept"
 _UNPOLISHED = "a correction of overshoots did not converge: the whole is slowed instead"
 _NOT_CONVERGED = "the interior-point method did not converge"
+_ABOUT = 3e-3  # of the duration, to which an estimate is found
+_AGAIN = 2  # tangents of an estimate that begins from another one
 _SAVED = 2  # tangents in the second problem, because it begins from the first one's solution
 _RAMP = 30.0  # to reach a limit in less than the share 1 / _RAMP of a cell gains nothing
 
@@ -86,15 +89,71 @@ def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Sp
     if search.fixed.size > 2:
         return found
     simple = search.simple()  # which is the optimum where all carriages move alike
-    return found if found.profile.duration < simple.duration else Span(simple)
+    return found if less(found.profile.duration, simple.duration) else Span(simple)
 
 
-def estimate(timed: TimedCurve, start: float, end: float, cells: int) -> float:
-    """Return about how long the quickest motion takes [s], infinity where that was not found."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Rough:
+    """About how long the quickest motion takes, and that motion on few cells.
+
+    Attributes:
+        duration: [s]; infinity where no motion was found.
+        fixed: Times of the base at the ends of pieces [s].
+        times: Times of the base at the nodes [s].
+        shown: Times of the motion at the nodes [s].
+        retiming: From one to the other.
+    """
+
+    duration: float
+    fixed: FloatArray
+    times: FloatArray
+    shown: FloatArray
+    retiming: Retiming
+
+    def begin(self, fixed: FloatArray, times: FloatArray) -> Retiming:
+        """Return this retiming for a curve like this one, at ``times`` of that one's base."""
+        mine, its = self._pairs(fixed)
+        at = np.interp(times, its, mine)
+        found = self.retiming.resampled(self.times, at)
+        return replace(found, beta=found.beta * np.gradient(at, times))
+
+    def clock(self, fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the clock of a grid for a curve like this one."""
+        mine, its = self._pairs(fixed)
+        return np.interp(self.times, mine, its), self.shown
+
+    def _pairs(self, fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return times of this base and of another one that belong together."""
+        if fixed.size == self.fixed.size:
+            return self.fixed, fixed
+        return self.fixed[[0, -1]], fixed[[0, -1]]
+
+
+def estimate(
+    timed: TimedCurve, start: float, end: float, cells: int, like: Rough | None = None
+) -> Rough:
+    """Estimate how long the quickest motion takes.
+
+    Args:
+        timed: The curve.
+        start: Where the motion begins [mm].
+        end: Where it ends [mm].
+        cells: Of the problem, about.
+        like: The estimate for a curve like this one: where to begin. Estimates that begin alike
+            can be compared with each other, better than each with the truth.
+    """
     search = Search.between(timed, start, end).eased(Effort(cells=cells))
-    problem = search.problem(search.grid(search.own_clock, cells, 4))
-    found = problem.improved(problem.uniform(), 3, 3e-3)
-    return float(found.durations(problem.delta).sum()) if found.converged else inf
+    clock = search.own_clock if like is None else like.clock(search.fixed)
+    times = search.grid(clock, cells, 4)
+    problem = search.problem(times)
+    if like is None:
+        found = problem.settled(problem.uniform(), 1, _ABOUT)
+    else:
+        found = problem.improved(like.begin(search.fixed, times), _AGAIN, _ABOUT)
+    if not found.converged:
+        return Rough(inf, search.fixed, times, times, found)
+    shown = np.append(0.0, np.cumsum(found.durations(problem.delta)))
+    return Rough(float(shown[-1]), search.fixed, times, shown, found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -204,7 +263,7 @@ def fitting_bounds(timed: TimedCurve, marked: FloatArray) -> tuple[float, float,
     sigma = np.unique(np.concatenate([np.linspace(marked[0], marked[-1], 65), marked]))
     unit = np.zeros((sigma.size, 4))
     unit[:, 0], unit[:, 1] = sigma, 1.0
-    use = np.abs(timed.motion(unit, timed.pieces_of(sigma))[:, 0])  # of velocity, at 1 mm/s
+    use = np.abs(timed.motion(unit, timed.pieces_between(sigma))[:, 0])  # of velocity, at 1 mm/s
     slopes = use * timed.limits[0]
     largest = np.maximum(slopes, 1e-12 * slopes.max()).max(axis=0)
     speed, acceleration, jerk = (timed.limits / largest).min(axis=1).tolist()
