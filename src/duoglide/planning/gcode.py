@@ -132,12 +132,8 @@ class _Interpreter:
                 raise InputError(f"G64 P{tolerance:g}: must be 0 mm or above")
             return tolerance
         whole = self.whole_tolerance
-        means = "corners are rounded" if whole else "exact corners, as with G61"
-        self.notes.remark(
-            self.line,
-            f"G64 without P: the smoothest within the tolerance of the program, {whole:g} mm:"
-            f" {means}",
-        )
+        means = f"the smoothest within {whole:g} mm" if whole else "exact corners, of 0 mm"
+        self.notes.remark(self.line, f"G64 without P: {means}, the program's tolerance")
         return whole
 
     def _m_word(self, m: float, words: dict[str, float]) -> None:

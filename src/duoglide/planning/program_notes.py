@@ -112,6 +112,8 @@ def _name(given: object, keys: frozenset[str]) -> str:
     text = text.upper()
     if _G92_E.fullmatch(text):
         return "G92"
+    if text.startswith("G92 "):
+        raise _refused(text, "moves the origin")
     word = _WORD.fullmatch(text)
     if not word:
         raise InputError(f"ignore {given!r:.80}: not a word; words are as M104, E or G92")
