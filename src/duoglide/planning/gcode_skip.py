@@ -10,7 +10,7 @@ from duoglide.planning.program_notes import ProgramNotes
 
 _PRINTERS = 200.0  # M words from here on are those of 3D printers only, X and all
 _TEXTS = re.compile(r"[Mm] *(0*(?:16|23|32|117|118|486)|0*862\.\d)(?![0-9.])")
-_PLACES = "XYZIJKRF"
+_PLACES = "XYZIJKF"  # R alone is no arc: it needs an end
 
 
 def read_block(code: str, notes: ProgramNotes) -> Block:
