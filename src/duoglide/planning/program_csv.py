@@ -57,7 +57,8 @@ def read_csv(text: str, tolerance: float = 0.0) -> Path:
 def _lines(text: str) -> Iterator[tuple[int, str]]:
     """Return the lines that hold something, with their numbers."""
     for number, line in enumerate(LINE_END.split(text), start=1):
-        kept = re.sub(r"[ \t]*,[ \t]*", ",", line.strip(" \x1a"))  # tabs beside commas are blanks
+        parts = line.strip(" \x1a").split(",")  # tabs beside commas are blanks
+        kept = ",".join(part.strip(" \t") for part in parts) if len(parts) > 1 else parts[0]
         if kept.strip(",;\t ") and not kept.lstrip().startswith("#"):
             yield number, kept
 
