@@ -185,18 +185,21 @@ class Helix:
             raise InputError(f"helix: a sweep of {self.sweep:g} rad; it must be above 0")
         if abs(hypot(*self.axis) - 1.0) > _UNIT:
             raise InputError(f"helix: axis {show(self.axis)} must have length 1")
-        radius, axis = self.radius, np.array(self.axis)
+        radius = self.radius
         if radius < COINCIDENT:
             raise InputError(f"helix: the centre {show(self.centre)} mm is its start")
         first, _, advance = self.vectors()
-        if abs(first @ axis) > max(COINCIDENT, _UNIT * radius):
+        aside = abs(_dot(first, self.axis))
+        if aside > max(COINCIDENT, _UNIT * radius):
             raise InputError(
-                f"helix: the centre {show(self.centre)} mm is {abs(first @ axis):.6g} mm along the"
-                " axis from the start; it must be in its plane"
+                f"helix: the centre {show(self.centre)} mm is {aside:.6g} mm along the axis from"
+                " the start; it must be in its plane"
             )
-        if self.length() < COINCIDENT:
-            raise InputError(f"helix: it is only {self.length():.3g} mm long")
-        error = float(np.linalg.norm(advance - (advance @ axis) * axis))
+        rise = _dot(advance, self.axis)
+        if hypot(radius * self.sweep, rise) < COINCIDENT:
+            raise InputError(f"helix: it is only {hypot(radius * self.sweep, rise):.3g} mm long")
+        x, y, z = self.axis
+        error = distance(advance, (rise * x, rise * y, rise * z))
         if error > roughness(radius) + COINCIDENT:
             raise InputError(f"helix: the end is {error:.6g} mm off the circle")
 
@@ -210,18 +213,20 @@ class Helix:
         """The points that it is programmed by."""
         return self.start, self.end
 
-    def vectors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def vectors(self) -> tuple[Point, Point, Point]:
         """Return the radius vectors at the start and a quarter turn on, and the advance [mm]."""
-        first = np.array(self.start) - self.centre
-        second = np.cross(self.axis, first)
-        drop = 2.0 * sin(0.5 * self.sweep) ** 2
-        round_way = second * sin(self.sweep) - first * drop
-        return first, second, np.array(self.end) - self.start - round_way
+        x, y, z = (s - c for s, c in zip(self.start, self.centre, strict=True))
+        u, v, w = self.axis
+        first, second = (x, y, z), (v * z - w * y, w * x - u * z, u * y - v * x)
+        sine, drop = sin(self.sweep), 2.0 * sin(0.5 * self.sweep) ** 2
+        ends = zip(self.start, self.end, first, second, strict=True)
+        dx, dy, dz = (e - s - (b * sine - a * drop) for s, e, a, b in ends)
+        return first, second, (dx, dy, dz)
 
     def length(self) -> float:
         """Return its length [mm], but for the rounding of the end."""
         _, _, advance = self.vectors()
-        return hypot(self.radius * self.sweep, float(advance @ np.array(self.axis)))
+        return hypot(self.radius * self.sweep, _dot(advance, self.axis))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -274,6 +279,10 @@ class Spline:
 Segment: TypeAlias = Line | Arc | Helix | Spline
 
 
+def _dot(a: Point, b: Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
 def roughness(radius: float) -> float:
     """Return by how much an arc's radii at both ends may differ [mm]."""
     return min(max(ROUGH, ROUGH_SHARE * radius), ROUGHEST)
@@ -318,10 +327,11 @@ def backwards(segment: Segment) -> Segment:
 def _helix_backwards(helix: Helix) -> Helix:
     """Return the very same curve the other way round: its circle has the same radius."""
     first, second, _ = helix.vectors()
-    last = np.array(helix.end) - (first * cos(helix.sweep) + second * sin(helix.sweep))
+    cosine, sine = cos(helix.sweep), sin(helix.sweep)
+    ends = zip(helix.end, first, second, strict=True)
+    cx, cy, cz = (e - (a * cosine + b * sine) for e, a, b in ends)
     x, y, z = helix.axis
-    centre = as_point(last, "centre")
-    return Helix(helix.end, helix.start, centre, (-x, -y, -z), helix.sweep, helix.speed)
+    return Helix(helix.end, helix.start, (cx, cy, cz), (-x, -y, -z), helix.sweep, helix.speed)
 
 
 def segment_to_dict(segment: Segment) -> dict[str, Any]:

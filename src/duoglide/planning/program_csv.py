@@ -37,12 +37,14 @@ def read_csv(text: str, tolerance: float = 0.0) -> Path:
     Raises:
         InputError: Names the line and what is wrong with it.
     """
-    rows = list(_rows(text))
+    lines = list(_lines(text))
+    separator = _separator(lines)
+    rows = [_row(number, line, separator) for number, line in lines[_says(lines, separator) :]]
     header = [field.lower() for field in rows[0].fields] if rows else []
     has_header = header in (_COLUMNS, _COLUMNS[:3])
     rows = rows[has_header:]
     points = [_judged(row, len(header) if has_header else len(_COLUMNS)) for row in rows]
-    _require_one_reading(rows, _separator(text), has_header)
+    _require_one_reading(rows, separator, has_header)
     if len(points) < 2:
         raise InputError(f"a path needs at least two points, got {len(points)}")
     builder = PathBuilder(place=points[0][1])
@@ -63,28 +65,27 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
             yield number, kept
 
 
-def _separator(text: str) -> str:
+def _separator(lines: list[tuple[int, str]]) -> str:
     """Return what parts the columns of the whole file."""
-    lines = [line for _, line in _lines(text)]
-    if lines and (said := re.fullmatch(r"sep=([;,\t])", lines[0], re.IGNORECASE)):
-        return said[1]
-    return next((s for s in _SEPARATORS if any(s in line for line in lines)), ",")
+    said = [s for s in _SEPARATORS if _says(lines, s)]
+    found = (s for s in _SEPARATORS if any(s in line for _, line in lines))
+    return said[0] if said else next(found, ",")
 
 
-def _rows(text: str) -> Iterator[_Row]:
-    separator, first = _separator(text), True
-    for number, line in _lines(text):
-        if first and line.lower() == f"sep={separator}":
-            continue  # so a spreadsheet program says what parts the columns
-        first = False
-        try:
-            (fields,) = csv.reader([line], delimiter=separator, strict=True)
-        except (csv.Error, ValueError) as error:
-            raise InputError(f"line {number}: cannot be split into columns: {error}") from error
-        fields = [field.strip() for field in fields]
-        while fields and not fields[-1]:
-            fields.pop()
-        yield _Row(number, fields)
+def _says(lines: list[tuple[int, str]], separator: str) -> bool:
+    """Whether the first line is that by which spreadsheet programs say what parts the columns."""
+    return bool(lines) and lines[0][1].lower() == f"sep={separator}"
+
+
+def _row(number: int, line: str, separator: str) -> _Row:
+    try:
+        (fields,) = csv.reader([line], delimiter=separator, strict=True)
+    except (csv.Error, ValueError) as error:
+        raise InputError(f"line {number}: cannot be split into columns: {error}") from error
+    fields = [field.strip() for field in fields]
+    while fields and not fields[-1]:
+        fields.pop()
+    return _Row(number, fields)
 
 
 def _require_one_reading(rows: list[_Row], separator: str, has_header: bool) -> None:

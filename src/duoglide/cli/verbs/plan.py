@@ -36,8 +36,6 @@ duoglide plan --pick -41,-152.5,295 --place -41,152.5,295 --lift 25 --out plan.m
 duoglide plan --point -41,-50,295 --point -41,-50,320 --point -41,50,320 --tolerance 4
 
 duoglide plan program.toml --machine cell.toml --picture plan.png
-
-duoglide plan sliced.gcode --ignore M104,M106,M107,M109,E --tolerance 0.2
 """
 
 
