@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.blending import round_corners
+from duoglide.motion.rounded_path import round_corners
 from duoglide.planning.check_rules import Rules
 from duoglide.planning.check_search import first_failure
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
 from duoglide.cli.options import number, point
 
 if TYPE_CHECKING:
-    from duoglide.motion.path import Path as MotionPath
+    from duoglide.planning.programs import Reading
 
 Program: TypeAlias = Annotated[
     Path | None,
@@ -29,7 +29,19 @@ Lift: TypeAlias = Annotated[
 Tolerance: TypeAlias = Annotated[
     str | None,
     typer.Option(
-        "--tolerance", metavar="MM", help=r"Round the corners within this \[mm]. (default: 2)"
+        "--tolerance",
+        metavar="MM",
+        help=r"Round the corners within this \[mm]; of a PROGRAM those for which it has no"
+        " tolerance. (default: 2; of a PROGRAM 0)",
+    ),
+]
+Ignore: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--ignore",
+        metavar="WORDS",
+        help="Skip these words of a PROGRAM, as M104,E (or G92, for G92 E only), and count them;"
+        " only words that neither move, offset nor change units.",
     ),
 ]
 Points: TypeAlias = Annotated[
@@ -48,35 +60,55 @@ def read_path(
     place: str | None,
     lift: str | None,
     tolerance: str | None,
-) -> MotionPath:
-    """Build the path that the arguments describe.
+    ignore: list[str] | None = None,
+) -> Reading:
+    """Build the path that the arguments describe, and tell how a program was read.
 
     Raises:
         typer.BadParameter: Not one of a program, points, and a pick and a place; or no numbers.
         DuoglideError: The program cannot be read, or describes no path.
     """
-    if program is not None:
-        if points or any(value is not None for value in (pick, place, lift, tolerance)):
-            raise typer.BadParameter(
-                "--point, --pick, --place, --lift and --tolerance do not go with a PROGRAM"
-            )
-        from duoglide.planning.programs import read_program
+    from duoglide.planning.programs import Reading, read_with_notes
 
-        return read_program(program)
-    rounding = number(tolerance, "--tolerance", "mm") if tolerance is not None else 2.0
+    rounding = number(tolerance, "--tolerance", "mm") if tolerance is not None else None
+    if program is not None:
+        if points or any(value is not None for value in (pick, place, lift)):
+            raise typer.BadParameter("--point, --pick, --place and --lift do not go with a PROGRAM")
+        words = [word for text in ignore or [] for word in text.split(",") if word.strip()]
+        return read_with_notes(program, rounding or 0.0, words)
+    if ignore:
+        raise typer.BadParameter("--ignore goes with a PROGRAM")
+    rounding = 2.0 if rounding is None else rounding
     if points:
         if any(value is not None for value in (pick, place, lift)):
             raise typer.BadParameter("--pick, --place and --lift do not go with --point")
         from duoglide.motion.path import Path as MotionPath
 
-        return MotionPath.polyline([point(text, "--point") for text in points], rounding)
+        corners = [point(text, "--point") for text in points]
+        return Reading(MotionPath.polyline(corners, rounding))
     if pick is None or place is None:
         raise typer.BadParameter("give a PROGRAM, or --point twice, or --pick and --place X,Y,Z")
     from duoglide.planning.pick_and_place import pick_and_place
 
-    return pick_and_place(
-        point(pick, "--pick"),
-        point(place, "--place"),
-        lift=number(lift, "--lift", "mm") if lift is not None else 25.0,
-        tolerance=rounding,
+    return Reading(
+        pick_and_place(
+            point(pick, "--pick"),
+            point(place, "--place"),
+            lift=number(lift, "--lift", "mm") if lift is not None else 25.0,
+            tolerance=rounding,
+        )
     )
+
+
+def reading_numbers(reading: Reading) -> dict[str, Any]:
+    """Return what a script wants to know of how a program was read."""
+    return {"ignored": dict(reading.ignored), "remarks": list(reading.remarks)}
+
+
+def reading_facts(reading: Reading) -> list[tuple[str, str]]:
+    """Return what a person wants to know of how a program was read."""
+    rows = [("note", remark) for remark in reading.remarks]
+    if reading.ignored:
+        counts = (f"{w} {n} time{'s' * (n > 1)}" for w, n in reading.ignored.items())
+        rows.append(("ignored", ", ".join(counts)))
+    return rows

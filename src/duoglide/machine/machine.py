@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -11,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from duoglide.errors import ConfigError
+from duoglide.errors import ConfigError, InputError
 from duoglide.machine import rules
 from duoglide.machine.cell import Box
 from duoglide.machine.drive_quirks import Homing, Quirks
 from duoglide.machine.drive_settings import DriveSettings
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits, DerivedLimits
+from duoglide.machine.toml_read import decoded, read_tables
 
 _TABLES = {
     "geometry": Geometry,
@@ -102,13 +102,15 @@ class Machine:
         if not isinstance(path, str | os.PathLike):
             raise ConfigError(f"machine file {path!r}: must be the path of a TOML file")
         try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            text = decoded(Path(path).read_bytes())
+        except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
             raise ConfigError(f"cannot read machine file {path}: {error}") from error
         try:
-            return cls.from_dict(tomllib.loads(text))
-        except tomllib.TOMLDecodeError as error:
-            raise ConfigError(f"{path} is not TOML: {error}") from error
+            tables = read_tables(text, str(path))
+        except InputError as error:
+            raise ConfigError(str(error)) from error
+        try:
+            return cls.from_dict(tables)
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}") from error
 

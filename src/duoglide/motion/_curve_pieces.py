@@ -14,8 +14,9 @@ DERIVATIVES = 4  # position and three derivatives
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
-def arc_at(rows: list[list[float]], local: float, rate: float) -> FloatArray:
-    """Evaluate one point of one arc."""
+def arc_at(rows: list[list[float]], local: float, span: float, rate: float) -> FloatArray:
+    """Evaluate one point of one arc or helix."""
+    advance = rows[3] if len(rows) > 3 else [0.0, 0.0, 0.0]
     cosine, sine = cos(rate * local), sin(rate * local)
     drop = 2.0 * sin(0.5 * rate * local) ** 2
     result = ([], [], [], [])  # type: tuple[list[float], ...]
@@ -23,8 +24,9 @@ def arc_at(rows: list[list[float]], local: float, rate: float) -> FloatArray:
         first, second = rows[1][axis], rows[2][axis]
         radial = first * cosine + second * sine
         along = (second * cosine - first * sine) * rate
-        result[0].append(rows[0][axis] + (second * sine - first * drop))
-        result[1].append(along)
+        way = second * sine - first * drop + advance[axis] * (local / span)
+        result[0].append(rows[0][axis] + way)
+        result[1].append(along + advance[axis] / span)
         result[2].append(-radial * rate * rate)
         result[3].append(-along * rate * rate)
     return np.array(result)
@@ -48,12 +50,19 @@ def powers_of(base: FloatArray, count: int) -> FloatArray:
     return np.multiply.accumulate(powers, axis=-1, out=powers)
 
 
-def integral(rows: FloatArray, span: FloatArray, end: FloatArray, panels: int) -> FloatArray:
-    """Integrate |p'| of polynomials from s = 0 to ``end`` by Gauss-Legendre, shape (n,)."""
+def integral(
+    rows: FloatArray, span: FloatArray, rate: FloatArray, end: FloatArray, panels: int
+) -> FloatArray:
+    """Integrate |p'| of pieces from s = 0 to ``end`` by Gauss-Legendre, shape (n,)."""
     nodes = ((np.arange(panels)[:, None] + 0.5 * (1.0 + _NODES)) / panels).ravel()
     u = (end / span)[:, None] * nodes
     degree = rows.shape[1] - 1
     slope = powers_of(u, degree) @ (rows[:, 1:] * np.arange(1.0, degree + 1.0)[:, None])
+    turning = rate > 0.0
+    if turning.any():
+        turned, c = (rate * span)[turning, None, None], rows[turning, :, None]
+        angle = turned * u[turning, :, None]
+        slope[turning] = turned * (c[:, 2] * np.cos(angle) - c[:, 1] * np.sin(angle)) + c[:, 3]
     speed = np.sqrt((slope * slope).sum(axis=-1)).reshape(-1, panels, _NODES.size)
     lengths: FloatArray = (speed @ _WEIGHTS).sum(axis=1) * end / (2.0 * panels * span)
     return lengths

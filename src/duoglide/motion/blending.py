@@ -211,11 +211,12 @@ def _trimmed(curve: Curve, skip: FloatArray, spans: FloatArray) -> FloatArray:
     result[:, :4] = states * scale[..., None]
     arcs = curve.rates > 0.0
     if arcs.any():
-        rate = curve.rates[arcs][:, None]
+        rate, whole = curve.rates[arcs][:, None], curve.spans[arcs][:, None]
+        advance = curve.coefficients[arcs, 3] / whole
         result[arcs, 0] = states[arcs, 0]
         result[arcs, 1] = -states[arcs, 2] / rate**2
-        result[arcs, 2] = states[arcs, 1] / rate
-        result[arcs, 3] = 0.0
+        result[arcs, 2] = (states[arcs, 1] - advance) / rate
+        result[arcs, 3] = advance * spans[arcs][:, None]
     width = curve.coefficients.shape[1]
     result[untouched, :width] = curve.coefficients[untouched]
     result[untouched, width:] = 0.0

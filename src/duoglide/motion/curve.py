@@ -1,7 +1,7 @@
 """A curve in space: a chain of analytic pieces under one regular parameter.
 
-The parameter sigma runs from 0 to ``curve.end`` in mm. On lines and arcs it is arc length; on
-blends and splines it is a polynomial parameter with |p'| near 1. Position and its first two
+The parameter sigma runs from 0 to ``curve.end`` in mm. On lines, arcs and helices it is arc length;
+on blends and splines it is a polynomial parameter with |p'| near 1. Position and its first two
 derivatives by sigma are continuous everywhere except at the declared rests, so there is no
 arc-length table, and no noise of one.
 """
@@ -29,12 +29,14 @@ class Curve:
     """An immutable chain of polynomial and circular pieces.
 
     A piece with rate 0 is the polynomial sum of c_k u^k with u = s / span; a piece with rate w > 0
-    is the arc c_0 + c_1 (cos(w s) - 1) + c_2 sin(w s), from its start c_0 because its centre may be
-    too far away to compute with. In both, s = sigma minus the piece's first break.
+    is the arc or helix c_0 + c_1 (cos(w s) - 1) + c_2 sin(w s) + c_3 u, from its start c_0 because
+    its centre may be too far away to compute with. In both, s = sigma minus the piece's first
+    break. On an arc c_3 is 0; on a helix it is the advance along the axis, and the error of closing
+    of an arc whose ends are rounded.
 
     Attributes:
         spans: Length of each piece in sigma [mm], shape (n,), all positive.
-        rates: Angle per mm of the arcs [rad/mm], 0 for polynomials, shape (n,).
+        rates: Angle per mm of arcs and helices [rad/mm], 0 for polynomials, shape (n,).
         coefficients: Shape (n, m + 1, 3) [mm]; m is the highest degree, at least 2.
         rests: Where a motion must come to rest, ends excluded, ascending [mm].
 
@@ -159,7 +161,12 @@ class Curve:
         radial = c[:, 1] * cosine + c[:, 2] * sine
         along = (c[:, 2] * cosine - c[:, 1] * sine) * rate
         way = c[:, 2] * sine - c[:, 1] * (2.0 * np.sin(0.5 * angle) ** 2)
-        return np.stack([c[:, 0] + way, along, -radial * rate**2, -along * rate**2], axis=-2)
+        second, third = -radial * rate**2, -along * rate**2
+        if c.shape[1] > 3:
+            span = self.spans[index][:, None]
+            way = way + c[:, 3] * (local[:, None] / span)
+            along = along + c[:, 3] / span
+        return np.stack([c[:, 0] + way, along, second, third], axis=-2)
 
     def _at(self, sigma: float, piece: int | None) -> FloatArray:
         """Evaluate one point in plain floats: several times quicker than arrays of one row."""
@@ -169,7 +176,7 @@ class Curve:
         local, span, rate = sigma - breaks[index], spans[index], rates[index]
         rows = self.coefficients[index].tolist()
         if rate > 0.0:
-            return arc_at(rows, local, rate)
+            return arc_at(rows, local, span, rate)
         u, w = local / span, 1.0 / span
         first, second, third = w, 2.0 * w * w, 6.0 * w * w * w
         result = ([], [], [], [])  # type: tuple[list[float], ...]
@@ -208,19 +215,24 @@ class Curve:
 
     @cached_property
     def _is_unit(self) -> BoolArray:
-        """Whether sigma is arc length on the piece: lines and arcs."""
+        """Whether sigma is arc length on the piece: lines, arcs and helices that close."""
         bend = np.abs(self.coefficients[:, 2:]).max(axis=(1, 2))
         unit: BoolArray = (self.rates > 0.0) | (bend == 0.0)
+        if self._has_arcs and self.coefficients.shape[1] > 3:
+            c = self.coefficients
+            size = np.maximum(np.linalg.norm(c[:, 1], axis=1), 1e-300)
+            aside = np.maximum(*(np.abs(np.sum(c[:, 3] * c[:, k], axis=1)) / size for k in (1, 2)))
+            unit &= (self.rates == 0.0) | (aside <= _LENGTH_ERROR)
         return unit
 
     def _quadrature(self, local: FloatArray, index: Any) -> FloatArray:
-        """Integrate |p'| over the first ``local`` mm of sigma of polynomial pieces."""
-        span, rows = self.spans[index], self.coefficients[index]
+        """Integrate |p'| over the first ``local`` mm of sigma of pieces."""
+        span, rate, rows = self.spans[index], self.rates[index], self.coefficients[index]
         panels, going = 2, np.arange(local.size)
-        total = integral(rows, span, local, panels)
+        total = integral(rows, span, rate, local, panels)
         while going.size and panels < _PANELS:
             panels *= 2
-            finer = integral(rows[going], span[going], local[going], panels)
+            finer = integral(rows[going], span[going], rate[going], local[going], panels)
             change = np.abs(finer - total[going])
             total[going] = finer
             going = going[change > _LENGTH_ERROR]

@@ -30,18 +30,24 @@ class CurveBounds:
 
 
 def curve_bounds(curve: Curve) -> CurveBounds:
-    """Bound the derivatives of every piece: by Bernstein coefficients, or by an arc's radius."""
+    """Bound the derivatives of every piece: by Bernstein coefficients, or by an arc's radius.
+
+    A helix adds its constant advance to the first derivative.
+    """
     bounds = []
     powers = curve.coefficients
     arcs = curve.rates > 0.0
     radius = np.hypot(powers[arcs, 1], powers[arcs, 2])
     rate = curve.rates[arcs, None]
+    advance = np.zeros_like(radius)
+    if powers.shape[1] > 3:
+        advance = np.abs(powers[arcs, 3]) / curve.spans[arcs, None]
     for order in (1, 2, 3):
         powers = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / curve.spans[:, None, None]
         if powers.shape[1] == 0:
             powers = np.zeros((curve.count, 1, 3))
         bound = np.abs(bernstein(powers.shape[1] - 1) @ powers).max(axis=1)
-        bound[arcs] = radius * rate**order
+        bound[arcs] = radius * rate**order + (advance if order == 1 else 0.0)
         bounds.append(bound * _ROUNDING)
     return CurveBounds(*bounds)
 

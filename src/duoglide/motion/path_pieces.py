@@ -10,9 +10,9 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.curve import Curve
-from duoglide.motion.path_segments import Arc, Segment, Spline
+from duoglide.motion.path_segments import Arc, Helix, Line, Segment, Spline
 
-_ROWS = 4  # lines, arcs and cubics need no more coefficients
+_ROWS = 4  # lines, arcs, helices and cubics need no more coefficients
 Rows = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -35,7 +35,7 @@ def raw_path(segments: Sequence[Segment]) -> RawPath:
     first = np.concatenate([[0], np.cumsum(counts)])
     spans, rates = np.zeros(first[-1]), np.zeros(first[-1])
     coefficients = np.zeros((first[-1], _ROWS, 3))
-    lines = [i for i, segment in enumerate(segments) if not isinstance(segment, Arc | Spline)]
+    lines = [i for i, segment in enumerate(segments) if isinstance(segment, Line)]
     ends = np.array([(segments[i].start, segments[i].end) for i in lines]).reshape(-1, 2, 3)
     rows = first[lines] if lines else np.array([], dtype=np.intp)
     way = ends[:, 1] - ends[:, 0]
@@ -43,7 +43,7 @@ def raw_path(segments: Sequence[Segment]) -> RawPath:
     coefficients[rows, 0] = ends[:, 0]
     coefficients[rows, 1] = way
     for i, segment in enumerate(segments):
-        if isinstance(segment, Arc | Spline):
+        if not isinstance(segment, Line):
             part = slice(first[i], first[i + 1])
             spans[part], rates[part], coefficients[part] = _rows(segment)
     return RawPath(Curve(spans, rates, coefficients), first[1:-1] - 1)
@@ -52,6 +52,8 @@ def raw_path(segments: Sequence[Segment]) -> RawPath:
 def _rows(segment: Segment) -> Rows:
     if isinstance(segment, Arc):
         return _arc_rows(segment)
+    if isinstance(segment, Helix):
+        return _helix_rows(segment)
     assert isinstance(segment, Spline)
     return _spline_rows(segment.through)
 
@@ -61,6 +63,14 @@ def _arc_rows(arc: Arc) -> Rows:
     rows = np.zeros((1, _ROWS, 3))
     rows[0, :3] = arc.start, first, second
     return np.array([radius * angle]), np.array([1.0 / radius]), rows
+
+
+def _helix_rows(helix: Helix) -> Rows:
+    rows = np.zeros((1, _ROWS, 3))
+    first, second, advance = helix.vectors()
+    rows[0] = helix.start, first, second, advance
+    length = helix.length()
+    return np.array([length]), np.array([helix.sweep / length]), rows
 
 
 def _spline_rows(points: FloatArray) -> Rows:

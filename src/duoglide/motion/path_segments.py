@@ -1,10 +1,10 @@
-"""The segments that a path is programmed from: line, arc, spline."""
+"""The segments that a path is programmed from: line, arc, helix, spline."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import hypot
+from math import cos, hypot, isfinite, sin
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,7 +16,11 @@ from duoglide.errors import InputError
 COINCIDENT = 1e-6  # [mm]; points nearer to each other than this are one point
 CRAMPED = 2e-5  # [mm]; between nearer points a spline bends more sharply than can be timed
 FARTHEST = 1e18  # [mm]; coordinates beyond are a mistake, and overflow further on
+ROUGH = 0.005  # [mm], by which an arc's radii at both ends may differ: files round coordinates
+ROUGH_SHARE = 0.001  # or by this share of the radius,
+ROUGHEST = 0.5  # [mm], but never by more than this; all three as in grbl
 _COLLINEAR = 1e-9  # [mm]; an arc that bulges less than this is a line
+_UNIT = 1e-9  # by which the length of an axis may differ from 1
 Point: TypeAlias = tuple[float, float, float]
 
 
@@ -150,6 +154,81 @@ class Arc:
         return first, second, radius, angle
 
 
+@dataclass(frozen=True, slots=True)
+class Helix:
+    """A turn about an axis: an arc given by its centre, or a helix where it also advances.
+
+    It leaves ``start`` on the circle about ``centre`` and ends at ``end`` exactly: what the end is
+    off the circle, along the axis or across it by rounding, is spread evenly over the turn.
+
+    Attributes:
+        start: Where it begins [mm].
+        end: Where it ends [mm].
+        centre: Centre of the circle, in the plane through the start [mm].
+        axis: Direction of the axis, of length 1; the turn is right-handed about it.
+        sweep: Angle of the turn [rad], above 0; once round is 2 pi.
+        speed: Cap on the tool's speed along it [mm/s]; None: no cap.
+
+    Raises:
+        InputError: No radius, no angle, an axis that is none, or an end too far from the circle.
+    """
+
+    start: Point
+    end: Point
+    centre: Point
+    axis: Point
+    sweep: float
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.sweep) and self.sweep > 0.0):
+            raise InputError(f"helix: a sweep of {self.sweep:g} rad; it must be above 0")
+        if abs(hypot(*self.axis) - 1.0) > _UNIT:
+            raise InputError(f"helix: axis {show(self.axis)} must have length 1")
+        radius = self.radius
+        if radius < COINCIDENT:
+            raise InputError(f"helix: the centre {show(self.centre)} mm is its start")
+        first, _, advance = self.vectors()
+        aside = abs(_dot(first, self.axis))
+        if aside > max(COINCIDENT, _UNIT * radius):
+            raise InputError(
+                f"helix: the centre {show(self.centre)} mm is {aside:.6g} mm along the axis from"
+                " the start; it must be in its plane"
+            )
+        rise = _dot(advance, self.axis)
+        if hypot(radius * self.sweep, rise) < COINCIDENT:
+            raise InputError(f"helix: it is only {hypot(radius * self.sweep, rise):.3g} mm long")
+        x, y, z = self.axis
+        error = distance(advance, (rise * x, rise * y, rise * z))
+        if error > roughness(radius) + COINCIDENT:
+            raise InputError(f"helix: the end is {error:.6g} mm off the circle")
+
+    @property
+    def radius(self) -> float:
+        """Radius at the start [mm]."""
+        return distance(self.start, self.centre)
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The points that it is programmed by."""
+        return self.start, self.end
+
+    def vectors(self) -> tuple[Point, Point, Point]:
+        """Return the radius vectors at the start and a quarter turn on, and the advance [mm]."""
+        x, y, z = (s - c for s, c in zip(self.start, self.centre, strict=True))
+        u, v, w = self.axis
+        first, second = (x, y, z), (v * z - w * y, w * x - u * z, u * y - v * x)
+        sine, drop = sin(self.sweep), 2.0 * sin(0.5 * self.sweep) ** 2
+        ends = zip(self.start, self.end, first, second, strict=True)
+        dx, dy, dz = (e - s - (b * sine - a * drop) for s, e, a, b in ends)
+        return first, second, (dx, dy, dz)
+
+    def length(self) -> float:
+        """Return its length [mm], but for the rounding of the end."""
+        _, _, advance = self.vectors()
+        return hypot(self.radius * self.sweep, _dot(advance, self.axis))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Spline:
     """A smooth segment through points: the natural cubic spline over chord length.
@@ -197,7 +276,16 @@ class Spline:
         return hash((self.through.tobytes(), self.speed))
 
 
-Segment: TypeAlias = Line | Arc | Spline
+Segment: TypeAlias = Line | Arc | Helix | Spline
+
+
+def _dot(a: Point, b: Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def roughness(radius: float) -> float:
+    """Return by how much an arc's radii at both ends may differ [mm]."""
+    return min(max(ROUGH, ROUGH_SHARE * radius), ROUGHEST)
 
 
 def require_apart(points: FloatArray, least: float = COINCIDENT) -> None:
@@ -231,7 +319,19 @@ def backwards(segment: Segment) -> Segment:
         return Line(segment.end, segment.start, segment.speed)
     if isinstance(segment, Arc):
         return Arc(segment.end, segment.via, segment.start, segment.speed)
+    if isinstance(segment, Helix):
+        return _helix_backwards(segment)
     return Spline(segment.through[::-1], segment.speed)
+
+
+def _helix_backwards(helix: Helix) -> Helix:
+    """Return the very same curve the other way round: its circle has the same radius."""
+    first, second, _ = helix.vectors()
+    cosine, sine = cos(helix.sweep), sin(helix.sweep)
+    ends = zip(helix.end, first, second, strict=True)
+    cx, cy, cz = (e - (a * cosine + b * sine) for e, a, b in ends)
+    x, y, z = helix.axis
+    return Helix(helix.end, helix.start, (cx, cy, cz), (-x, -y, -z), helix.sweep, helix.speed)
 
 
 def segment_to_dict(segment: Segment) -> dict[str, Any]:
@@ -239,8 +339,11 @@ def segment_to_dict(segment: Segment) -> dict[str, Any]:
     if isinstance(segment, Spline):
         table: dict[str, Any] = {"type": "through", "points": segment.through.tolist()}
     else:
-        kind = "line" if isinstance(segment, Line) else "arc"
+        kind = type(segment).__name__.lower()
         table = {"type": kind, "points": [list(point) for point in segment.points]}
+    if isinstance(segment, Helix):
+        table |= {"centre": list(segment.centre), "axis": list(segment.axis)}
+        table["sweep"] = segment.sweep
     if segment.speed is not None:
         table["speed"] = segment.speed
     return table
@@ -257,8 +360,12 @@ def segment_from_dict(table: Mapping[str, Any]) -> Segment:
     speed = as_speed(table.get("speed"))
     if kind == "through":
         return Spline(points, speed)
-    wanted = {"line": 2, "arc": 3}.get(str(kind))
+    wanted = {"line": 2, "arc": 3, "helix": 2}.get(str(kind))
     if points.shape != (wanted, 3):
         raise InputError(f"not a segment: type {kind!r} with points of shape {points.shape}")
     first, *middle, last = (as_point(point, "point") for point in points)
+    if kind == "helix":
+        centre, axis = (as_point(table.get(name, ()), name) for name in ("centre", "axis"))
+        sweep = as_number(table.get("sweep"), "sweep [rad]")
+        return Helix(first, last, centre, axis, sweep, speed)
     return Arc(first, middle[0], last, speed) if middle else Line(first, last, speed)

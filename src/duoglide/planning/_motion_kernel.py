@@ -29,8 +29,10 @@ def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArra
             radial = c[1, axis] * cosine + c[2, axis] * sine
             along = (c[2, axis] * cosine - c[1, axis] * sine) * rate
             drop = 2.0 * sin(0.5 * rate * local) ** 2
-            out[0, axis] = c[0, axis] + (c[2, axis] * sine - c[1, axis] * drop)
-            out[1, axis] = along
+            advance = c[3, axis] if c.shape[0] > 3 else 0.0
+            way = c[2, axis] * sine - c[1, axis] * drop + advance * (local / span)
+            out[0, axis] = c[0, axis] + way
+            out[1, axis] = along + advance / span
             out[2, axis] = -radial * rate * rate
             out[3, axis] = -along * rate * rate
             continue

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from duoglide.arrays import as_number, as_triples
 from duoglide.errors import InputError
+from duoglide.machine.toml_read import read_tables
 from duoglide.motion.actions import action_from_dict
 from duoglide.motion.path import Path
 from duoglide.motion.path_segments import (
@@ -21,22 +21,27 @@ from duoglide.motion.path_segments import (
 )
 from duoglide.planning.path_builder import PathBuilder
 from duoglide.planning.pick_and_place import pick_and_place
+from duoglide.planning.program_notes import ProgramNotes
 
-_HEADER = {"start", "tolerance", "speed", "acceleration", "moves"}
+_HEADER = {"start", "tolerance", "speed", "acceleration", "ignore", "moves"}
 _ACTIONS = ("set_output", "wait_input", "dwell")
 
 
-def read_toml(text: str, tolerance: float = 0.0) -> Path:
+def read_toml(text: str, tolerance: float = 0.0, notes: ProgramNotes | None = None) -> Path:
     """Read a path from a TOML program.
+
+    Args:
+        text: The program.
+        tolerance: Corner tolerance of the corners for which it has none [mm].
+        notes: Which unknown keys to skip, besides those that its key ``ignore`` names.
 
     Raises:
         InputError: Names the move and the key, and what is wrong with it.
     """
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not TOML: {error}") from error
-    _refuse_unknown(table, _HEADER)
+    notes = ProgramNotes() if notes is None else notes
+    table = read_tables(text)
+    notes.also(table.get("ignore", ()), KEYS)
+    _refuse_unknown(table, _HEADER, notes)
     moves = table.get("moves")
     if not isinstance(moves, list) or not all(isinstance(move, dict) for move in moves):
         raise InputError("it needs a list of tables [[moves]]")
@@ -46,16 +51,19 @@ def read_toml(text: str, tolerance: float = 0.0) -> Path:
         builder.place = as_point(table["start"], "start")
     for index, move in enumerate(moves, start=1):
         try:
-            _add(builder, move, corner)
+            _add(builder, move, corner, notes)
         except InputError as error:
             raise InputError(f"move {index}: {error}") from error
     return builder.build(table.get("speed"), table.get("acceleration"))
 
 
-def _add(builder: PathBuilder, move: Mapping[str, Any], tolerance: float) -> None:
+def _add(
+    builder: PathBuilder, move: Mapping[str, Any], tolerance: float, notes: ProgramNotes
+) -> None:
     """Append one move."""
     kind = move.get("type")
-    if kind in _ACTIONS:
+    move = {key: value for key, value in move.items() if key in KEYS or not notes.skip(key)}
+    if isinstance(kind, str) and kind in _ACTIONS:
         builder.act(action_from_dict(move))
         return
     if not isinstance(kind, str) or kind not in _MOVES:
@@ -64,7 +72,7 @@ def _add(builder: PathBuilder, move: Mapping[str, Any], tolerance: float) -> Non
             raise InputError(f"it lacks a type; there are {known}")
         raise InputError(f"type = {kind!r:.80}: must be one of {known}")
     needed, optional, add = _MOVES[kind]
-    _refuse_unknown(move, {"type", *needed, *optional})
+    _refuse_unknown(move, {"type", *needed, *optional}, notes)
     for key in needed:
         if key not in move:
             raise InputError(f"{kind} needs {key}")
@@ -119,6 +127,11 @@ _MOVES: dict[str, tuple[tuple[str, ...], tuple[str, ...], _Add]] = {
 }
 
 
+KEYS = _HEADER | {key for needed, free, _ in _MOVES.values() for key in (*needed, *free)}
+KEYS |= {"type", "axis", "bit", "value", "timeout", "seconds"}
+"""All keys that mean something in a TOML program."""
+
+
 def _place(builder: PathBuilder) -> Point:
     """Return where the path has got to, or refuse a program that has not said where it starts."""
     if builder.place is None:
@@ -133,9 +146,9 @@ def _points(move: Mapping[str, Any]) -> list[Point]:
     return [as_point(point, "point") for point in array]
 
 
-def _refuse_unknown(table: Mapping[str, Any], known: set[str]) -> None:
+def _refuse_unknown(table: Mapping[str, Any], known: set[str], notes: ProgramNotes) -> None:
     for key in table:
-        if key not in known:
+        if key not in known and not (key not in KEYS and notes.skip(key)):
             near = difflib.get_close_matches(key, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(sorted(known))}"
             raise InputError(f"{key}: no such key; {hint}")

@@ -6,6 +6,7 @@
     tolerance = 2.0              # corner tolerance of every corner that has none of its own [mm]
     speed = 800                  # cap on the tool's speed [mm/s], left out: none
     acceleration = 20000         # cap on the tool's acceleration [mm/s^2], left out: none
+    ignore = ["author"]          # keys to skip, each counted in the report
 
     [[moves]]
     type = "line"                # to; speed, tolerance (of the corner at its end)
@@ -49,101 +50,99 @@
     to = [-41, 0, 295]
 
 **CSV** (``.csv``): x, y, z in mm, and optionally a cap on the speed of the way there in mm/s. A
-header line with these names, blank lines and lines that start with ``#`` are skipped. The separator
-is a comma or a semicolon.
+first line with these names, ``sep=;``, blank lines and lines that start with ``#`` are skipped. The
+columns are parted by commas, semicolons or tabs, the same in the whole file, and the decimal sign
+is a point. What a spreadsheet of another country may mean otherwise is refused: ``1,5;2;300``,
+``1.200;0;300`` where no other number says that the point is the decimal sign, and four whole
+numbers parted by commas without the first line ``x,y,z,speed``.
 
 **G-code** (``.nc``, ``.ngc``, ``.gcode``, ``.gco``, ``.tap``, ``.cnc``): see
 ``duoglide.planning.gcode``.
+
+Files are UTF-8; comments of G-code and CSV may be in any encoding that holds ASCII.
 """
 
 from __future__ import annotations
 
 import os
 import pathlib
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 
 from duoglide.arrays import as_number
 from duoglide.errors import InputError
+from duoglide.machine.toml_read import decoded
 from duoglide.motion.path import Path
-from duoglide.motion.path_segments import Line, Point, as_point, as_speed
 from duoglide.planning.gcode import read_gcode
-from duoglide.planning.path_builder import PathBuilder
-from duoglide.planning.program_toml import read_toml
+from duoglide.planning.program_csv import read_csv
+from duoglide.planning.program_notes import ProgramNotes
+from duoglide.planning.program_toml import KEYS, read_toml
 
 GCODE = (".nc", ".ngc", ".gcode", ".gco", ".tap", ".cnc")
-_COLUMNS = ["x", "y", "z", "speed"]
 
 
-def read_program(file: str | os.PathLike[str], tolerance: float = 0.0) -> Path:
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a program file says, and how it was read.
+
+    Attributes:
+        path: The path.
+        ignored: How often each word was skipped that the user has named.
+        remarks: What a person should know of the reading.
+    """
+
+    path: Path
+    ignored: Mapping[str, int] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+def read_program(
+    file: str | os.PathLike[str], tolerance: float = 0.0, ignore: Iterable[str] = ()
+) -> Path:
     """Read a path from a program file.
 
     Args:
         file: A TOML, CSV or G-code file.
         tolerance: Corner tolerance of the corners for which the file has none [mm].
+        ignore: Words to skip, as ``["M104", "E"]``; see ``duoglide.planning.gcode``.
 
     Raises:
         InputError: No such file, an unknown suffix, or a mistake in it: names the file, the line
             or the move, and the rule.
     """
+    return read_with_notes(file, tolerance, ignore).path
+
+
+def read_with_notes(
+    file: str | os.PathLike[str], tolerance: float = 0.0, ignore: Iterable[str] = ()
+) -> Reading:
+    """Read a path from a program file, and what was skipped; see ``read_program``."""
     if not isinstance(file, str | os.PathLike):
         raise InputError(f"program file {file!r:.80}: must be a path")
     path = pathlib.Path(file)
     suffix = path.suffix.lower()
-    readers = {".toml": read_toml, ".csv": read_csv, **dict.fromkeys(GCODE, read_gcode)}
-    if suffix not in readers:
-        raise InputError(f"{path}: unknown kind of program; known: {', '.join(readers)}")
+    if suffix not in _READERS:
+        raise InputError(f"{path}: unknown kind of program; known: {', '.join(_READERS)}")
     if as_number(tolerance, "tolerance [mm]") < 0.0:
         raise InputError(f"tolerance = {tolerance:g} mm: must be 0 or above")
+    notes = ProgramNotes.ignoring(ignore, KEYS)
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        text = decoded(path.read_bytes(), comments_in_any=suffix != ".toml")
+    except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"cannot read program {path}: {error}") from error
     try:
-        return readers[suffix](text, tolerance)
+        read = _READERS[suffix](text, tolerance, notes)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+    return Reading(read, dict(notes.ignored), tuple(notes.remarks))
 
 
-def read_csv(text: str, tolerance: float = 0.0) -> Path:
-    """Read a path from lines of coordinates.
-
-    Raises:
-        InputError: Names the line and what is wrong with it.
-    """
-    rows: list[tuple[int, Point, float | None]] = []
-    headers = [_COLUMNS, _COLUMNS[:3]]
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        fields = [field.strip() for field in line.replace(";", ",").split(",")]
-        if [field.lower() for field in fields] in headers:
-            headers.clear()  # there is but one
-            continue
-        try:
-            rows.append((number, *_row(fields)))
-        except InputError as error:
-            raise InputError(f"line {number}: {error}") from error
-    if len(rows) < 2:
-        raise InputError(f"a path needs at least two points, got {len(rows)}")
-    builder = PathBuilder(place=rows[0][1])
-    for (before, start, _), (number, end, speed) in pairwise(rows):
-        try:
-            builder.add(Line(start, end, speed), tolerance)
-        except InputError as error:
-            raise InputError(f"lines {before} and {number}: {error}") from error
-    return builder.build()
+def _csv(text: str, tolerance: float, notes: ProgramNotes) -> Path:
+    return read_csv(text, tolerance)
 
 
-def _row(fields: list[str]) -> tuple[Point, float | None]:
-    """Read one line of coordinates."""
-    values = [_number(field) for field in fields]
-    if len(values) not in (3, 4):
-        raise InputError(f"expected x, y, z and perhaps a speed, got {len(values)} values")
-    return as_point(values[:3], "point"), as_speed(values[3] if len(values) > 3 else None)
-
-
-def _number(field: str) -> float:
-    try:
-        return float(field)
-    except ValueError as error:
-        raise InputError(f"{field!r} is not a number") from error
+_READERS: dict[str, Callable[[str, float, ProgramNotes], Path]] = {
+    ".toml": read_toml,
+    ".csv": _csv,
+    **dict.fromkeys(GCODE, read_gcode),
+}

@@ -10,7 +10,18 @@ import typer
 from duoglide.cli.console import say, say_facts, say_json, working
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import require_picture
-from duoglide.cli.program import Lift, Pick, Place, Points, Program, Tolerance, read_path
+from duoglide.cli.program import (
+    Ignore,
+    Lift,
+    Pick,
+    Place,
+    Points,
+    Program,
+    Tolerance,
+    read_path,
+    reading_facts,
+    reading_numbers,
+)
 from duoglide.errors import PathError
 
 if TYPE_CHECKING:
@@ -53,6 +64,7 @@ def check(
     place: Place = None,
     lift: Lift = None,
     tolerance: Tolerance = None,
+    ignore: Ignore = None,
     picture: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw the path (png, pdf).")
     ] = None,
@@ -66,7 +78,16 @@ def check(
     """
     require_picture(picture)
     described = load_machine(machine)
-    path = read_path(program, points=point, pick=pick, place=place, lift=lift, tolerance=tolerance)
+    reading = read_path(
+        program,
+        points=point,
+        pick=pick,
+        place=place,
+        lift=lift,
+        tolerance=tolerance,
+        ignore=ignore,
+    )
+    path = reading.path
     from duoglide.planning.check import check_path
 
     try:
@@ -83,9 +104,10 @@ def check(
 
         save(checked.plot(), picture)
     if as_json:
-        say_json(_numbers(checked))
+        say_json({**_numbers(checked), **reading_numbers(reading)})
     else:
         _explain(checked)
+        say_facts(reading_facts(reading))
 
 
 def _draw_refused(machine: Machine, path: MotionPath, error: PathError, picture: Path) -> None:

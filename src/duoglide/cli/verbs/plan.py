@@ -11,7 +11,18 @@ import typer
 from duoglide.cli.console import percent, progress, say, say_facts, say_json
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import require_picture, require_place
-from duoglide.cli.program import Lift, Pick, Place, Points, Program, Tolerance, read_path
+from duoglide.cli.program import (
+    Ignore,
+    Lift,
+    Pick,
+    Place,
+    Points,
+    Program,
+    Tolerance,
+    read_path,
+    reading_facts,
+    reading_numbers,
+)
 
 if TYPE_CHECKING:
     from duoglide.motion.audit import Audit
@@ -41,6 +52,7 @@ def plan(
     place: Place = None,
     lift: Lift = None,
     tolerance: Tolerance = None,
+    ignore: Ignore = None,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to write.")] = Path(
         "plan.mcap"
     ),
@@ -61,7 +73,16 @@ def plan(
     require_place(out, reads=program)
     require_picture(picture)
     described = load_machine(machine)
-    path = read_path(program, points=point, pick=pick, place=place, lift=lift, tolerance=tolerance)
+    reading = read_path(
+        program,
+        points=point,
+        pick=pick,
+        place=place,
+        lift=lift,
+        tolerance=tolerance,
+        ignore=ignore,
+    )
+    path = reading.path
     from duoglide.planning import compile_ahead
     from duoglide.planning.plan import plan as make_plan
 
@@ -74,10 +95,11 @@ def plan(
 
         save(trajectory.plot(), picture)
     if as_json:
-        say_json({"file": str(out), **plan_numbers(trajectory, audit)})
+        numbers = plan_numbers(trajectory, audit)
+        say_json({"file": str(out), **numbers, **reading_numbers(reading)})
     else:
         say(f"{out}: {trajectory.duration:.4f} s")
-        say_facts(plan_facts(trajectory, audit))
+        say_facts(plan_facts(trajectory, audit) + reading_facts(reading))
 
 
 def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:

@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
@@ -27,8 +26,9 @@ from typing import Any
 from duoglide.drives.simulation import faults
 from duoglide.drives.simulation.faults import Injection
 from duoglide.drives.simulation.plant import PlantParameters
-from duoglide.errors import ConfigError
+from duoglide.errors import ConfigError, InputError
 from duoglide.machine import rules
+from duoglide.machine.toml_read import decoded, read_tables
 
 _KINDS: dict[str, type[Injection]] = {
     "clear": faults.Clear,
@@ -94,11 +94,15 @@ class Scenario:
             ConfigError: No such file, not TOML, an unknown key, or a broken rule.
         """
         try:
-            return cls.from_dict(tomllib.loads(Path(path).read_text(encoding="utf-8")))
-        except (OSError, UnicodeDecodeError) as error:
+            text = decoded(Path(path).read_bytes())
+        except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
             raise ConfigError(f"cannot read scenario {path}: {error}") from error
-        except tomllib.TOMLDecodeError as error:
-            raise ConfigError(f"{path} is not TOML: {error}") from error
+        try:
+            tables = read_tables(text, str(path))
+        except InputError as error:
+            raise ConfigError(str(error)) from error
+        try:
+            return cls.from_dict(tables)
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}") from error
 

@@ -1,0 +1,84 @@
+"""Reads the text and the TOML of files that people write."""
+
+from __future__ import annotations
+
+import codecs
+import tomllib
+from typing import Any
+
+from duoglide.errors import InputError
+
+_MARKS = {
+    codecs.BOM_UTF32_LE: "UTF-32",
+    codecs.BOM_UTF32_BE: "UTF-32",
+    codecs.BOM_UTF16_LE: "UTF-16",
+    codecs.BOM_UTF16_BE: "UTF-16",
+}
+_DEEPEST = 32  # levels of tables and lists
+_LARGEST = 2**63  # integers of TOML have 64 bits
+
+
+def decoded(data: bytes, *, comments_in_any: bool = False) -> str:
+    """Decode a file that is to be UTF-8.
+
+    Args:
+        data: What the file holds.
+        comments_in_any: Let bytes that are no UTF-8 pass, as surrogates, because the reader refuses
+            everything but ASCII outside comments.
+
+    Raises:
+        InputError: Another encoding; names the line.
+    """
+    for mark, name in _MARKS.items():
+        if data.startswith(mark):
+            raise InputError(f"line 1: the file is in {name}; save it as UTF-8")
+    if b"\0" in data:
+        raise InputError(f"line {_line(data, data.index(0))}: a zero byte; save the file as UTF-8")
+    try:
+        return data.decode("utf-8-sig", "surrogateescape" if comments_in_any else "strict")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"line {_line(data, error.start)}: byte {data[error.start]:#04x} is no UTF-8; save the"
+            " file as UTF-8"
+        ) from error
+
+
+def _line(data: bytes, place: int) -> int:
+    return data.count(b"\n", 0, place) + 1
+
+
+def read_tables(text: str, name: str = "it") -> dict[str, Any]:
+    """Read TOML.
+
+    Args:
+        text: What the file holds.
+        name: What to call the file in an error.
+
+    Raises:
+        InputError: Not TOML, nested too deeply, or an integer of more than 64 bits.
+    """
+    try:
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        why = str(error) if isinstance(error, ValueError) else "it nests too deeply"
+        raise InputError(f"{name} is not TOML: {why}") from error
+    try:
+        _require_sane(tables)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
+    return tables
+
+
+def _require_sane(tables: dict[str, Any]) -> None:
+    """Refuse values that cannot even be shown in a message."""
+    todo: list[tuple[str, Any, int]] = [("", tables, 0)]
+    while todo:
+        name, value, depth = todo.pop()
+        if depth > _DEEPEST:
+            raise InputError(f"{name}: nested more than {_DEEPEST} levels deep")
+        if isinstance(value, int) and not -_LARGEST <= value < _LARGEST:
+            raise InputError(f"{name}: an integer of {value.bit_length()} bits; TOML has 64")
+        if isinstance(value, dict):
+            todo += [(name or key, entry, depth + 1) for key, entry in value.items()]
+        elif isinstance(value, list):
+            todo += [(name, entry, depth + 1) for entry in value]
