@@ -49,6 +49,13 @@ def an_event() -> EventRecord:
     return EventRecord(EventKind.NOTE, "something")
 
 
+def an_old_log(file: Path, kind: LogKind) -> bytes:
+    """Write a log that says it is of yesterday, and return its bytes."""
+    with LogWriter(file, kind, {"of": "yesterday"}) as log:
+        log.write(Topic.EVENT, 0.0, an_event())
+    return file.read_bytes()
+
+
 def test_a_killed_writer_loses_at_most_a_second(tmp_path: Path) -> None:
     file = tmp_path / "killed.mcap"
     writer = subprocess.Popen(
@@ -86,24 +93,24 @@ def plain_records(file: Path) -> list[object]:
 
 def test_a_plan_appears_only_when_it_is_complete(tmp_path: Path) -> None:
     file = tmp_path / "plan.mcap"
-    file.write_bytes(b"the old plan")
+    old = an_old_log(file, LogKind.PLAN)
     with LogWriter(file, LogKind.PLAN) as log:
         log.attach("trajectory", {})
         log.write(Topic.EVENT, 0.0, an_event())
         log.flush()
-        assert file.read_bytes() == b"the old plan"
-    assert read_log(file).kind is LogKind.PLAN
+        assert file.read_bytes() == old
+    assert "of" not in read_log(file).metadata
     assert names(tmp_path) == ["plan.mcap"]
 
 
 @pytest.mark.parametrize("kind", list(LogKind))
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path, kind: LogKind) -> None:
     file = tmp_path / "log.mcap"
-    file.write_bytes(b"the old one")
+    old = an_old_log(file, kind)
     with pytest.raises(RuntimeError, match="on purpose"), LogWriter(file, kind) as log:
         log.attach("machine", {})
         raise RuntimeError("on purpose")
-    assert file.read_bytes() == b"the old one"
+    assert file.read_bytes() == old
     assert names(tmp_path) == ["log.mcap"]
 
 

@@ -16,6 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 
 from duoglide.errors import LogError
+from duoglide.storage.head import FORMAT, checksum
 from duoglide.storage.records import (
     RECORDS,
     CycleRecord,
@@ -24,8 +25,9 @@ from duoglide.storage.records import (
     MotionRecord,
     Topic,
 )
-from duoglide.storage.scan import BROKEN, MESSAGE_HEAD, Scan, open_chunk, records_in, scan
-from duoglide.storage.writer import FORMAT, ClockAnchor, checksum
+from duoglide.storage.scan import MESSAGE_HEAD, Scan, open_chunk, scan
+from duoglide.storage.walk import BROKEN, records_in
+from duoglide.storage.writer import ClockAnchor
 
 
 class LogWarning(UserWarning):

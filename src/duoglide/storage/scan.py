@@ -6,24 +6,20 @@ import json
 import mmap
 import struct
 import zlib
-from collections.abc import Iterator
 from io import BytesIO
 from typing import Any
 
 import lz4.frame
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Chunk, Metadata
 from mcap.writer import MCAP0_MAGIC
 
-from duoglide.storage.writer import METADATA_NAME
+from duoglide.storage.head import METADATA_NAME
+from duoglide.storage.walk import BROKEN, PREFIX, records_in
 
-PREFIX = struct.Struct("<BQ")  # opcode, length of the record that follows
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 LARGEST_CHUNK = 16 * 1024 * 1024  # bytes: a corrupted size must not fill the memory
-BROKEN = (McapError, ArithmeticError, RuntimeError, ValueError, KeyError, TypeError, struct.error)
-"""What decoding damaged bytes may raise."""
 
 _EXPECTED = (
     Opcode.HEADER,
@@ -121,15 +117,3 @@ def open_chunk(payload: bytes) -> bytes:
     if zlib.crc32(data) != chunk.uncompressed_crc:
         raise ValueError("checksum of a chunk")
     return data
-
-
-def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Walk through the records of an opened chunk: opcode, start and end of each."""
-    offset = 0
-    while offset < len(data):
-        opcode, length = PREFIX.unpack_from(data, offset)
-        start = offset + PREFIX.size
-        offset = start + length
-        if offset > len(data):
-            raise ValueError("a record is longer than its chunk")
-        yield opcode, start, offset

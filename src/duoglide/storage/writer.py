@@ -7,7 +7,6 @@ import json
 import os
 import platform
 import time
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -18,11 +17,11 @@ from typing import Self
 from duoglide.errors import LogError
 from duoglide.storage.atomic import file_behind
 from duoglide.storage.container import ChannelSpec, ContainerWriter
+from duoglide.storage.head import FORMAT, METADATA_NAME, checksum
+from duoglide.storage.paths import require_replaceable
 from duoglide.storage.records import LogKind, Record, Topic
 from duoglide.storage.schemas import schema_name, schema_of
 
-FORMAT = "1"
-METADATA_NAME = "duoglide"
 FLUSH_PERIOD = 0.5  # [s]
 JSON_TYPE = "application/json"
 
@@ -62,7 +61,8 @@ class LogWriter:
     """Writes one plan or run.
 
     The file appears under its name only when there is something to keep: a plan when it is
-    complete, a run with its first message. Until then an older file of that name stays as it is.
+    complete, a run with its first message. Until then an older file of that name stays as it is; it
+    must be of the same kind, for nothing else is replaced.
 
     Args:
         path: Where to write.
@@ -97,6 +97,7 @@ class LogWriter:
         anchor = self._anchor or (ClockAnchor.now() if run else ClockAnchor.zero())
         self._stamp = anchor.stamp
         self._goal = file_behind(self._path)
+        require_replaceable(self._path, self._kind)
         self._temporary = self._goal.with_name(f".{self._goal.name}.{os.getpid()}.part")
         try:
             self._file = self._temporary.open("wb")
@@ -206,8 +207,3 @@ class LogWriter:
             self._file.close()
         if not self._published:
             self._temporary.unlink(missing_ok=True)
-
-
-def checksum(head: Mapping[str, str]) -> str:
-    """Return the checksum of a log's metadata, which MCAP itself does not protect."""
-    return str(zlib.crc32(json.dumps(dict(sorted(head.items()))).encode()))
