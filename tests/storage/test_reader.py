@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import random
+import re
 import struct
 import time
 import warnings
@@ -116,12 +117,42 @@ def test_a_record_that_claims_to_be_huge_is_not_believed(run_log: Path, tmp_path
             assert messages_of(file) == []
 
 
-def test_damage_is_told_in_words_and_as_a_warning(run_log: Path) -> None:
+def missing(file: Path, content: bytes) -> str:
+    """What a reader is told of a log with this content, the warning as well."""
+    file.write_bytes(content)
+    with pytest.warns(LogWarning) as told:
+        log = read_log(file)
+    assert [str(warning.message) for warning in told] == [f"{file}: {log.missing}"]
+    return log.missing
+
+
+def test_what_a_cut_log_has_lost_is_told_as_far_as_it_says_it(run_log: Path) -> None:
     whole = run_log.read_bytes()
-    run_log.write_bytes(whole[: len(whole) // 2])
-    with pytest.warns(LogWarning, match=r"\d+ whole messages over 0\.\d+ s are read; \d+ bytes"):
-        log = read_log(run_log)
-    assert "missing" in log.missing
+    chunks = [match.start() - 9 - 32 for match in re.finditer(b"zstd", whole)][1:4]
+    assert missing(run_log, whole[: chunks[2]]) == (
+        "the log was not closed: 40 cycles and 1 events over 0.078 s are read; a writer that is"
+        " killed loses the last second at most, a copy that is cut may lose more"
+    )
+    assert missing(run_log, whole[: chunks[2] + 100]) == (
+        "the log is damaged (it ends within a record): 40 cycles and 1 events over 0.078 s are"
+        " read; at least 0.040 s after that are lost"
+    )
+    assert missing(run_log, whole[: chunks[2] + 12]) == (
+        "the log is damaged (it ends within a record): 40 cycles and 1 events over 0.078 s are"
+        " read; how much came after that, nothing in it says"
+    )
+    spoilt = bytearray(whole)
+    spoilt[chunks[1] + 100] ^= 1
+    assert re.fullmatch(
+        r"the log is damaged \(.*\): 20 cycles and 1 events over 0\.038 s are read;"
+        r" 40 messages of the 0\.080 s after that are lost",
+        missing(run_log, bytes(spoilt)),
+    )
+    assert re.fullmatch(
+        r"the log is damaged \(.*\): 20 cycles and 1 events over 0\.038 s are read;"
+        r" at least 0\.080 s after that are lost",
+        missing(run_log, bytes(spoilt[:-300])),
+    )
 
 
 def test_a_damaged_head_is_refused(run_log: Path) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -156,14 +157,23 @@ def test_a_link_stays_and_its_file_is_written(tmp_path: Path) -> None:
     assert read_log(file).missing == ""
 
 
-def test_a_full_disk_is_told_in_one_line() -> None:
-    full = Path("/dev/full")
-    if not full.exists():
-        pytest.skip("needs /dev/full")
-    with full.open("wb", buffering=0) as stream, pytest.raises(OSError, match="No space"):
-        from duoglide.storage.container import ContainerWriter
-
-        ContainerWriter(stream, "test", [])
+def test_a_disk_that_fills_up_is_told_and_what_is_written_is_kept(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+    try:
+        with (
+            pytest.raises(dg.LogError, match=r"cannot write .*run\.mcap: File too large"),
+            LogWriter(file, LogKind.RUN) as log,
+        ):
+            for n in range(100_000):
+                log.write(Topic.CYCLE, 0.002 * n, moving(n))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with pytest.warns(LogWarning, match=r"\d+ cycles over .* s are read"):
+        records = [record for _, record in read_log(file).records(Topic.CYCLE)]
+    assert len(records) > 200
+    assert records == [moving(n) for n in range(len(records))]
 
 
 @pytest.mark.parametrize("bad", [float("nan"), {1, 2}])
