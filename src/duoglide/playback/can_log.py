@@ -29,12 +29,12 @@ SUFFIXES = (".log", ".asc", ".blf", ".trc")
 """Of the files that are read here, in small letters or capitals."""
 
 _CANDUMP = re.compile(
-    r"\((?P<stamp>\d{1,12}\.\d{1,9})\)\s+(?P<channel>\S+)\s+"
+    r"\((?P<stamp>\d{1,12}\.\d{1,9})\)\s+(?P<channel>[!-~]{1,32})\s+"
     r"(?P<id>[0-9A-F]{3}|[0-9A-F]{8})#(?P<data>(?:[0-9A-F]{2}){0,8})(?:\s+[RT])?",
     re.IGNORECASE | re.ASCII,
 )
 _CANDUMP_OTHER = re.compile(
-    r"\(\d+\.\d+\)\s+(?P<channel>\S+)\s+[0-9A-F]+#(?P<kind>R|#)\S*(?:\s+[RT])?",
+    r"\(\d+\.\d+\)\s+(?P<channel>[!-~]{1,32})\s+[0-9A-F]+#(?P<kind>R|#)\S*(?:\s+[RT])?",
     re.IGNORECASE | re.ASCII,
 )
 _ASC_FRAME = re.compile(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import AXES, BoolArray, FloatArray
 from duoglide.drives.scale import Scale
-from duoglide.errors import LogError
+from duoglide.errors import ConfigError, InputError, LogError
 from duoglide.machine import Machine
 from duoglide.storage import Document, Log, LogKind, Phase, Topic
 
@@ -111,10 +111,12 @@ def machine_of(log: Log) -> Machine:
     """Return the machine that a log was made with.
 
     Raises:
-        LogError: The log holds none.
-        ConfigError: It breaks a rule.
+        LogError: The log holds none, or one that breaks a rule.
     """
-    return Machine.from_dict(log.document(Document.MACHINE))
+    try:
+        return Machine.from_dict(log.document(Document.MACHINE))
+    except (InputError, ConfigError) as error:
+        raise LogError(f"{log.path}: {error}") from error
 
 
 def read_run(log: Log) -> RunData:

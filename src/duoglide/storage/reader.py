@@ -179,7 +179,9 @@ def _log(file: Path, found: Scan) -> Log:
     if head.pop("crc32", "") != checksum(head):
         raise LogError(f"{file}: the head of the log is damaged (its checksum does not fit)")
     if head.get("format") != FORMAT:
-        raise LogError(f"{file} has log format {head.get('format')}; this version reads {FORMAT}")
+        raise LogError(
+            f"{file} has log format {head.get('format')!r:.40}; this version reads {FORMAT}"
+        )
     try:
         kind = LogKind(head["kind"])
         anchor = _anchor(head["anchor_monotonic"], head["anchor_wall_ns"])
@@ -195,9 +197,9 @@ def _anchor(monotonic: str, wall_ns: str) -> ClockAnchor:
     """Return the clock of a log, or raise ``ValueError``."""
     clock = float(monotonic)
     if not math.isfinite(clock):
-        raise ValueError(f"the clock begins at {monotonic}")
+        raise ValueError(f"the clock begins at {monotonic!r:.40} s")
     if not _WHOLE_NUMBER.fullmatch(wall_ns) or not 0 <= int(wall_ns) < LATEST:
-        raise ValueError(f"the clock begins {wall_ns:.40} ns after 1970")
+        raise ValueError(f"the clock begins {wall_ns!r:.40} ns after 1970")
     return ClockAnchor(clock, int(wall_ns))
 
 
