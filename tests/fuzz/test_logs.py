@@ -12,9 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-from duoglide.playback.can_log import SUFFIXES
-from tests.fuzz.log_inputs import (
+from damaged_logs import (
     McapInputs,
     a_plan,
     a_run,
@@ -23,6 +21,8 @@ from tests.fuzz.log_inputs import (
     read_everything,
     spoilt_frames,
 )
+
+from duoglide.playback.can_log import SUFFIXES
 
 FEW, MANY = 150, 20_000
 COUNTS = [FEW, pytest.param(MANY, marks=pytest.mark.slow)]

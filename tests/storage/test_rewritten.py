@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from mcap.records import Message
 from mcap.writer import CompressionType, Writer
+from rewritten_logs import WAYS, rewrite
 
 import duoglide as dg
 from duoglide.storage import CycleRecord, Log, LogKind, LogWarning, Topic, read_log
 from duoglide.storage.head import METADATA_NAME, checksum
-from tests.storage.rewriting import WAYS, rewrite
 
 
 def cycles_of(log: Log) -> list[CycleRecord]:
