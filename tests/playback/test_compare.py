@@ -11,10 +11,12 @@ import duoglide as dg
 from duoglide.cli.main import run
 from duoglide.playback.compare import Streamed, compare, compare_streamed
 from duoglide.playback.pace import slowed
+from duoglide.playback.rebuild import rebuild
 from duoglide.storage import Phase, read_log
 
 Pace = Sequence[tuple[float, float, Phase]]
 WriteRun = Callable[[Pace, str], Path]
+WritePlan = Callable[[Pace, str, dg.Trajectory], Path]
 Paced = Callable[[dict[int, float]], Pace]
 
 
@@ -57,6 +59,35 @@ def test_a_plan_that_was_slowed_down_is_the_same_path(usual: Path) -> None:
     assert result.same_setpoints
     assert result.same_pace, "these are the same setpoints in the same cycles"
     assert result.runs[1].planned == pytest.approx(2.0 * result.runs[0].planned)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.2, 0.125])
+def test_a_replay_at_another_speed_has_the_pace_that_it_has(
+    share: float, usual: Path, write_run: WritePlan, trajectory: dg.Trajectory
+) -> None:
+    slow = slowed(trajectory, share)
+    end = slow.duration
+    moving = [(0.002 * k, 1.0, Phase.PROGRAM) for k in range(1, int(end / 0.002) + 1)]
+    again = write_run([(0.0, 0.0, Phase.HOLD), *moving], "again.mcap", slow)
+    for pair in ((usual, again), (again, usual)):
+        result = compare(*map(read_log, pair))
+        assert result.same_path
+        paces = {run.planned: run.paces for run in result.runs}
+        assert paces == {trajectory.duration: (1.0,), end: (share,)}
+
+
+def test_a_replay_of_a_run_with_a_changed_pace_has_that_pace(
+    usual: Path, write_run: Callable[..., Path], paced: Paced
+) -> None:
+    once = write_run(paced({0: 0.5, 100: 0.25}), "once.mcap")
+    motion = rebuild(read_log(once)).motion
+    moving = [(0.002 * k, 1.0, Phase.PROGRAM) for k in range(1, int(motion.duration / 0.002) + 1)]
+    again = write_run([(0.0, 0.0, Phase.HOLD), *moving], "again.mcap", motion)
+    fast, slow = compare(read_log(usual), read_log(again)).runs
+    assert fast.paces == (1.0,)
+    assert slow.paces[0] == 0.5
+    assert slow.paces[-1] == 0.25
+    assert set(slow.paces) == {0.5, 0.25}
 
 
 def test_a_setpoint_that_is_not_the_others_is_found_either_way(usual: Path) -> None:

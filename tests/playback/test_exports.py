@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 import duoglide as dg
-from duoglide.playback.candump import Frame, frames_of, play, read_candump, write_candump
+from duoglide.playback.can_log import Frame, play, read_frames
+from duoglide.playback.candump import frames_of, write_candump
 from duoglide.playback.columns import platform
 from duoglide.playback.foxglove import write_foxglove
 from duoglide.playback.run_data import read_run
@@ -72,12 +71,13 @@ def test_carriages_that_hold_no_platform_give_no_numbers() -> None:
     assert np.isnan(position[1]).all()
 
 
-def test_the_frames_are_those_of_the_bus(run_log: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc"])
+def test_the_frames_are_those_of_the_bus(suffix: str, run_log: Path, tmp_path: Path) -> None:
     log = read_log(run_log)
     data = read_run(log)
-    file = tmp_path / "run.log"
+    file = tmp_path / f"run{suffix}"
     count = write_candump(log, file)
-    frames = list(read_candump(file))
+    frames = list(read_frames(file))
     assert count == len(frames) == 7 * len(data) + 1
     assert [frame.can_id for frame in frames[:7]] == [
         0x80,
@@ -105,37 +105,6 @@ def test_can_utils_reads_the_frames(run_log: Path, tmp_path: Path) -> None:
         ["log2asc", "-I", str(file), "can0"], capture_output=True, text=True, check=True, timeout=20
     ).stdout
     assert len([line for line in out.splitlines() if " Rx " in line]) == count
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    st.builds(
-        Frame,
-        st.floats(0.0, 2e9).map(lambda t: round(t, 6)),
-        st.integers(0, 0x7FF),
-        st.binary(max_size=8),
-    )
-)
-def test_a_frame_reads_back(frame: Frame) -> None:
-    from duoglide.playback.candump import _frame
-
-    again = _frame(frame.line("can0"), "here")
-    assert (again.can_id, again.data) == (frame.can_id, frame.data)
-    assert again.stamp == pytest.approx(frame.stamp, abs=1e-6)
-
-
-@settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(st.binary(max_size=200))
-def test_rubbish_is_no_candump_log(tmp_path: Path, rubbish: bytes) -> None:
-    file = tmp_path / "rubbish.log"
-    file.write_bytes(rubbish)
-    try:
-        frames = list(read_candump(file))
-    except dg.LogError:
-        return
-    assert all(0 <= len(frame.data) <= 8 for frame in frames)
 
 
 def test_frames_are_played_with_the_time_between_them() -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -49,6 +50,13 @@ def an_event() -> EventRecord:
     return EventRecord(EventKind.NOTE, "something")
 
 
+def an_old_log(file: Path, kind: LogKind) -> bytes:
+    """Write a log that says it is of yesterday, and return its bytes."""
+    with LogWriter(file, kind, {"of": "yesterday"}) as log:
+        log.write(Topic.EVENT, 0.0, an_event())
+    return file.read_bytes()
+
+
 def test_a_killed_writer_loses_at_most_a_second(tmp_path: Path) -> None:
     file = tmp_path / "killed.mcap"
     writer = subprocess.Popen(
@@ -86,24 +94,24 @@ def plain_records(file: Path) -> list[object]:
 
 def test_a_plan_appears_only_when_it_is_complete(tmp_path: Path) -> None:
     file = tmp_path / "plan.mcap"
-    file.write_bytes(b"the old plan")
+    old = an_old_log(file, LogKind.PLAN)
     with LogWriter(file, LogKind.PLAN) as log:
         log.attach("trajectory", {})
         log.write(Topic.EVENT, 0.0, an_event())
         log.flush()
-        assert file.read_bytes() == b"the old plan"
-    assert read_log(file).kind is LogKind.PLAN
+        assert file.read_bytes() == old
+    assert "of" not in read_log(file).metadata
     assert names(tmp_path) == ["plan.mcap"]
 
 
 @pytest.mark.parametrize("kind", list(LogKind))
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path, kind: LogKind) -> None:
     file = tmp_path / "log.mcap"
-    file.write_bytes(b"the old one")
+    old = an_old_log(file, kind)
     with pytest.raises(RuntimeError, match="on purpose"), LogWriter(file, kind) as log:
         log.attach("machine", {})
         raise RuntimeError("on purpose")
-    assert file.read_bytes() == b"the old one"
+    assert file.read_bytes() == old
     assert names(tmp_path) == ["log.mcap"]
 
 
@@ -149,14 +157,23 @@ def test_a_link_stays_and_its_file_is_written(tmp_path: Path) -> None:
     assert read_log(file).missing == ""
 
 
-def test_a_full_disk_is_told_in_one_line() -> None:
-    full = Path("/dev/full")
-    if not full.exists():
-        pytest.skip("needs /dev/full")
-    with full.open("wb", buffering=0) as stream, pytest.raises(OSError, match="No space"):
-        from duoglide.storage.container import ContainerWriter
-
-        ContainerWriter(stream, "test", [])
+def test_a_disk_that_fills_up_is_told_and_what_is_written_is_kept(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+    try:
+        with (
+            pytest.raises(dg.LogError, match=r"cannot write .*run\.mcap: File too large"),
+            LogWriter(file, LogKind.RUN) as log,
+        ):
+            for n in range(100_000):
+                log.write(Topic.CYCLE, 0.002 * n, moving(n))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with pytest.warns(LogWarning, match=r"\d+ cycles over .* s are read"):
+        records = [record for _, record in read_log(file).records(Topic.CYCLE)]
+    assert len(records) > 200
+    assert records == [moving(n) for n in range(len(records))]
 
 
 @pytest.mark.parametrize("bad", [float("nan"), {1, 2}])

@@ -1,51 +1,24 @@
-"""Raw frames: a run as the candump log that ``canplayer`` reads, and such a log on a bus again."""
+"""A run as the frames that were on the bus, in the log formats of other programs."""
 
 from __future__ import annotations
 
-import re
+import heapq
 import struct
-import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import can
 
 from duoglide.arrays import AXES
 from duoglide.drives import pdo
-from duoglide.errors import BusError, LogError
+from duoglide.errors import LogError
+from duoglide.playback.can_log import Frame
 from duoglide.playback.run_data import machine_of
 from duoglide.storage import EventKind, Log, LogKind, Topic
 from duoglide.storage.atomic import appearing
 
-if TYPE_CHECKING:
-    import can
-
-_LINE = re.compile(
-    r"\((\d+\.\d+)\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#([0-9A-Fa-f]*)\s*\w?$"
-)
-_REMOTE = re.compile(r"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]+#R\d?\s*\w?$")
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """A classic CAN frame.
-
-    Attributes:
-        stamp: When [s], since 1970 or since anything else.
-        can_id: 11 bits, or 29 if ``extended``.
-        data: 0 to 8 bytes.
-        extended: Whether the identifier has 29 bits.
-    """
-
-    stamp: float
-    can_id: int
-    data: bytes
-    extended: bool = False
-
-    def line(self, channel: str) -> str:
-        """Return the frame as a line of a candump log."""
-        digits = 8 if self.extended else 3
-        return f"({self.stamp:017.6f}) {channel} {self.can_id:0{digits}X}#{self.data.hex().upper()}"
+_WRITERS = {".asc": can.ASCWriter, ".blf": can.BLFWriter, ".trc": can.TRCWriter}
+"""By suffix; all others are written as candump does."""
 
 
 def frames_of(log: Log) -> Iterator[Frame]:
@@ -91,11 +64,11 @@ def frame_bits(size: int) -> int:
 
 
 def write_candump(log: Log, file: str | Path, channel: str = "can0") -> int:
-    """Write a run as a candump log.
+    """Write a run as the log that candump would have made, which ``canplayer`` reads.
 
     Args:
         log: The run.
-        file: Where to write.
+        file: Where to write; ``.asc``, ``.blf`` and ``.trc`` make it what these are.
         channel: What to call the interface.
 
     Returns:
@@ -104,83 +77,18 @@ def write_candump(log: Log, file: str | Path, channel: str = "can0") -> int:
     Raises:
         LogError: Not a run, or the file cannot be written.
     """
-    import heapq
-
     frames = heapq.merge(frames_of(log), emergencies_of(log), key=lambda frame: frame.stamp)
+    writer = _WRITERS.get(Path(file).suffix.lower(), can.CanutilsLogWriter)
     count = 0
-    with appearing(file) as temporary, temporary.open("w", encoding="ascii") as stream:
+    with appearing(file) as temporary, writer(temporary) as stream:
         for frame in frames:
-            stream.write(frame.line(channel) + "\n")
+            message = can.Message(
+                timestamp=frame.stamp,
+                arbitration_id=frame.can_id,
+                is_extended_id=frame.extended,
+                data=frame.data,
+                channel=channel,
+            )
+            stream.on_message_received(message)
             count += 1
-    return count
-
-
-def read_candump(file: str | Path) -> Iterator[Frame]:
-    """Read the frames of a candump log, line by line; remote frames are left out.
-
-    Raises:
-        LogError: No such file, or a line that is not a frame; names the line.
-    """
-    try:
-        with Path(file).open(encoding="ascii") as stream:
-            for number, text in enumerate(stream, 1):
-                line = text.strip()
-                if line and not _REMOTE.match(line):
-                    yield _frame(line, f"{file}, line {number}")
-    except OSError as error:
-        raise LogError(f"cannot read {file}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise LogError(f"{file} is not a candump log: {error}") from error
-
-
-def _frame(line: str, where: str) -> Frame:
-    match = _LINE.match(line)
-    if match is None or len(match[4]) % 2 or len(match[4]) > 16:
-        raise LogError(
-            f"{where}: {line[:60]!r} is not a frame, as in (1700000000.000000) can0 123#00"
-        )
-    return Frame(float(match[1]), int(match[3], 16), bytes.fromhex(match[4]), len(match[3]) == 8)
-
-
-def play(
-    frames: Iterable[Frame],
-    bus: can.BusABC,
-    clock: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-) -> int:
-    """Send frames with the time between them that they had, on absolute deadlines.
-
-    A frame that is late does not delay those after it.
-
-    Args:
-        frames: What to send, in order.
-        bus: Where.
-        clock: What time it is [s].
-        sleep: How to wait [s].
-
-    Returns:
-        How many were sent.
-
-    Raises:
-        BusError: The bus does not take a frame.
-    """
-    import can
-
-    offset: float | None = None
-    count = 0
-    for frame in frames:
-        if offset is None:
-            offset = clock() - frame.stamp
-        if (wait := frame.stamp + offset - clock()) > 0.0:
-            sleep(wait)
-        message = can.Message(
-            arbitration_id=frame.can_id, data=frame.data, is_extended_id=frame.extended
-        )
-        try:
-            bus.send(message)
-        except can.CanError as error:
-            raise BusError(
-                f"frame {count + 1} (0x{frame.can_id:X}) was not sent: {error}"
-            ) from error
-        count += 1
     return count

@@ -15,6 +15,7 @@ import numpy as np
 from duoglide.arrays import AXES, FloatArray
 from duoglide.control.channel.scale import Scales
 from duoglide.errors import LogError
+from duoglide.motion.profile import Profile
 from duoglide.motion.trajectory import Trajectory
 from duoglide.playback.rebuild import plan_of
 from duoglide.playback.run_data import SETPOINT_DELAY, IntArray, RunData, read_run
@@ -25,6 +26,9 @@ _SAME = 1e-9  # [mm] between two paths that are one
 _PLACES = 200  # where two paths are looked at
 _AT_ONCE = 100_000  # cycles: derivatives of an hour's would fill the memory
 _STEADY = 10  # cycles that a pace must last to be told
+_DIGITS = 4  # of a pace
+_FINE = 100_001  # places at which a profile is turned round
+_AT_REST = 1e-3  # of its greatest speed: where a profile is slower, no pace can be told
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +83,9 @@ class RunSide:
         planned: Duration of its plan [s].
         duration: From its first cycle on the program to the last [s].
         path_time: How far along its plan it came [s].
-        paces: Rates that lasted for ten cycles or more, in their order; 1 is the plan's own, and 0
-            is a hold.
+        paces: Speeds along the path that lasted for ten cycles or more, in their order, as shares
+            of the quicker plan's speed at the same place; 0 is a hold. Where there are two paths,
+            each run's is a share of its own plan's.
         following_error: Worst of each carriage, over the whole run [mm].
         lateness: How late its cycles began.
     """
@@ -157,8 +162,10 @@ def compare_streamed(one: Streamed, other: Streamed) -> Comparison:
     common, in_one, in_other = np.intersect1d(numbers, its_numbers, return_indices=True)
     apart = np.abs(one.data.setpoint[a[in_one]] - other.data.setpoint[b[in_other]])
     differing = [*numbers[back.any(axis=1)], *its_numbers[there.any(axis=1)]]
+    quicker = min(one.plan.profile, other.plan.profile, key=lambda profile: profile.duration)
+    references = (quicker, quicker) if same_path else (one.plan.profile, other.plan.profile)
     return Comparison(
-        runs=(_side(one, a), _side(other, b)),
+        runs=(_side(one, a, references[0]), _side(other, b, references[1])),
         same_path=same_path,
         setpoint=tuple(np.maximum(there.max(axis=0), back.max(axis=0)).tolist()),
         first=int(min(differing, default=-1)),
@@ -168,22 +175,43 @@ def compare_streamed(one: Streamed, other: Streamed) -> Comparison:
     )
 
 
-def _side(run: Streamed, rows: IntArray) -> RunSide:
+def _side(run: Streamed, rows: IntArray, reference: Profile) -> RunSide:
     data, summary = run.data, summarise_run(run.data)
     return RunSide(
         cycles=len(rows),
         planned=run.plan.duration,
         duration=float(data.time[rows[-1]] - data.time[rows[0]]),
         path_time=float(data.path_time[rows].max()),
-        paces=_paces(data.rate[rows]),
+        paces=_paces(_pace(run, rows, reference)),
         following_error=summary.following_error,
         lateness=summary.lateness,
     )
 
 
-def _paces(rate: FloatArray) -> tuple[float, ...]:
-    """Return the rates that lasted, in their order."""
-    rounded = np.round(rate, 4)
+def _pace(run: Streamed, rows: IntArray, reference: Profile) -> FloatArray:
+    """Return the speed along the path as a share of a profile's at the same place, shape (n,).
+
+    A plan that was slowed down, or made of a run that was, has its own pace within its profile: a
+    rate of 1 says nothing about it. NaN where the profile is at rest.
+    """
+    data, own = run.data, run.plan.profile
+    if own == reference:
+        return data.rate[rows]
+    sigma, way = np.moveaxis(own.at(data.path_time[rows])[..., :2], -1, 0)
+    fine = np.linspace(0.0, reference.duration, _FINE)
+    at = reference.at(fine)
+    due = reference.at(np.interp(sigma, at[:, 0], fine))[..., 1]
+    pace = np.full(len(rows), np.nan)
+    moves = due > _AT_REST * at[:, 1].max()
+    pace[moves] = data.rate[rows][moves] * way[moves] / due[moves]
+    return pace
+
+
+def _paces(pace: FloatArray) -> tuple[float, ...]:
+    """Return the paces that lasted, in their order."""
+    rounded = np.round(pace[np.isfinite(pace)], _DIGITS)
+    if len(rounded) == 0:
+        return ()
     ends = np.append(np.flatnonzero(np.diff(rounded)), len(rounded) - 1)
     lasted = np.diff(ends, prepend=-1) >= _STEADY
     return tuple(rounded[ends[lasted]].tolist())

@@ -15,7 +15,7 @@ from duoglide.playback.columns import FAMILIES, Columns, run_columns
 from duoglide.playback.run_data import read_run
 from duoglide.storage import Log, LogKind, Topic
 from duoglide.storage.atomic import appearing
-from duoglide.storage.container import ChannelSpec, ContainerWriter
+from duoglide.storage.writer import add_channel, open_mcap
 
 _NUMBER = {"type": ["number", "null"]}
 _GROUPS: dict[str, tuple[str, ...]] = {
@@ -42,24 +42,26 @@ def write_foxglove(log: Log, file: str | Path) -> int:
     Raises:
         LogError: The log cannot be read or the file cannot be written.
     """
-    channels = [*_channels()]
-    numbers = {spec.topic: number for number, spec in enumerate(channels, 1)}
     count = 0
     with appearing(file) as temporary, temporary.open("wb") as stream:
-        container = ContainerWriter(stream, "duoglide", channels)
+        writer = open_mcap(stream)
+        numbers = {
+            topic: add_channel(writer, topic, name, text) for topic, name, text in _channels()
+        }
         for stamp, topic, message in _messages(log):
             content = json.dumps(message, allow_nan=False).encode()
-            container.add_message(numbers[topic], stamp, content)
             count += 1
-        container.finish()
+            writer.add_message(numbers[topic], stamp, content, stamp, count)
+        writer.finish()
     return count
 
 
-def _channels() -> Iterator[ChannelSpec]:
+def _channels() -> Iterator[tuple[str, str, bytes]]:
+    """Yield topic, name and text of the schema of each channel."""
     for topic, names in _GROUPS.items():
         title = f"duoglide.{topic.strip('/')}"
-        yield ChannelSpec(topic, title, _schema(title, dict.fromkeys(names, _NUMBER)))
-    yield ChannelSpec(
+        yield (topic, title, _schema(title, dict.fromkeys(names, _NUMBER)))
+    yield (
         "/drives",
         "duoglide.drives",
         _schema("duoglide.drives", {f"state_{n}": {"type": "string"} for n in (1, 2, 3)}),
@@ -70,10 +72,8 @@ def _channels() -> Iterator[ChannelSpec]:
     turn = {"type": "object", "properties": {k: {"type": "number"} for k in "xyzw"}}
     pose = {"type": "object", "properties": {"position": xyz, "orientation": turn}}
     text = {"type": "string"}
-    yield ChannelSpec(
-        "/pose", _POSE, _schema(_POSE, {"timestamp": time, "frame_id": text, "pose": pose})
-    )
-    yield ChannelSpec(
+    yield ("/pose", _POSE, _schema(_POSE, {"timestamp": time, "frame_id": text, "pose": pose}))
+    yield (
         "/log",
         _LOG,
         _schema(
@@ -90,7 +90,7 @@ def _channels() -> Iterator[ChannelSpec]:
     )
     from duoglide.storage.schemas import schema_name, schema_of
 
-    yield ChannelSpec(Topic.MOTION, schema_name(Topic.MOTION), schema_of(Topic.MOTION))
+    yield (Topic.MOTION, schema_name(Topic.MOTION), schema_of(Topic.MOTION))
 
 
 def _schema(title: str, properties: dict[str, Any]) -> bytes:

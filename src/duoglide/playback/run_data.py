@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import AXES, BoolArray, FloatArray
 from duoglide.drives.scale import Scale
-from duoglide.errors import LogError
+from duoglide.errors import ConfigError, InputError, LogError
 from duoglide.machine import Machine
 from duoglide.storage import Document, Log, LogKind, Phase, Topic
 
@@ -111,17 +111,19 @@ def machine_of(log: Log) -> Machine:
     """Return the machine that a log was made with.
 
     Raises:
-        LogError: The log holds none.
-        ConfigError: It breaks a rule.
+        LogError: The log holds none, or one that breaks a rule.
     """
-    return Machine.from_dict(log.document(Document.MACHINE))
+    try:
+        return Machine.from_dict(log.document(Document.MACHINE))
+    except (InputError, ConfigError) as error:
+        raise LogError(f"{log.path}: {error}") from error
 
 
 def read_run(log: Log) -> RunData:
     """Read the cycles of a run.
 
     Raises:
-        LogError: Not a run, or it does not hold its machine.
+        LogError: Not a run, it does not hold its machine, or its cycles are not in order.
     """
     if log.kind is not LogKind.RUN:
         raise LogError(f"{log.path} is a {log.kind}, not a run: nothing has been streamed yet")
@@ -136,6 +138,7 @@ def read_run(log: Log) -> RunData:
             value = getattr(record, name)
             wholes[name].extend(value if columns > 1 else (value,))
     time = np.array(times)
+    _require_order(log, np.array(wholes["cycle"], dtype=np.int64))
     return RunData(
         machine=machine_of(log),
         time=time - time[:1],
@@ -143,6 +146,14 @@ def read_run(log: Log) -> RunData:
         rate=np.array(reals["rate"]),
         **{name: _table(numbers, _WHOLES[name]) for name, numbers in wholes.items()},
     )
+
+
+def _require_order(log: Log, cycle: IntArray) -> None:
+    """Refuse a run whose cycles are not in order: two runs in one, or one that was sorted."""
+    (wrong,) = np.nonzero(np.diff(cycle) <= 0)
+    if len(wrong):
+        before, after = cycle[wrong[0] : wrong[0] + 2]
+        raise LogError(f"{log.path}: cycle {after} follows cycle {before}; it is not one run")
 
 
 _WHOLES = {  # fields of whole numbers, and how many each has

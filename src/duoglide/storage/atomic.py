@@ -8,19 +8,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from duoglide.errors import LogError
+from duoglide.storage.paths import require_replaceable
 
 
 @contextmanager
 def appearing(path: str | Path) -> Iterator[Path]:
     """Give the path of a file to write, and put it in the place of ``path`` when that is done.
 
-    If writing fails, ``path`` stays as it was.
+    If writing fails, ``path`` stays as it was. A plan or a run is never replaced.
 
     Args:
         path: Where the file shall appear.
 
     Raises:
-        LogError: It cannot be written.
+        LogError: It cannot be written, or a plan or a run stands there.
 
     Example:
         >>> import tempfile
@@ -31,6 +32,7 @@ def appearing(path: str | Path) -> Iterator[Path]:
         '1,2,3'
     """
     goal = file_behind(path)
+    require_replaceable(path, None)
     temporary = goal.with_name(f".{goal.stem}.{os.getpid()}.part{goal.suffix}")
     try:
         yield temporary

@@ -1,11 +1,13 @@
-"""What may be given for a file."""
+"""What may be given for a file, and which files may be replaced."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-from duoglide.errors import InputError
+from duoglide.errors import InputError, LogError
+from duoglide.storage.head import kind_of
+from duoglide.storage.records import LogKind
 
 
 def as_path(value: object, name: str) -> Path:
@@ -17,3 +19,34 @@ def as_path(value: object, name: str) -> Path:
     if not isinstance(value, str | os.PathLike):
         raise InputError(f"{name} = {value!r:.80}: must be the path of a file")
     return Path(value)
+
+
+def require_replaceable(path: str | os.PathLike[str], kind: LogKind | None) -> None:
+    """Refuse to write a file where something else stands that would be lost.
+
+    A plan takes the place of a plan, a run of a run, torn or whole; an export of anything but
+    these two. A place that is free, and a file that is empty, can be written by all.
+
+    Args:
+        path: Where to write.
+        kind: What shall be written; None for an export: a table, a picture, frames.
+
+    Raises:
+        LogError: What stands there must not be replaced; says what it is.
+    """
+    file = Path(path)
+    try:
+        if not file.is_file() or file.stat().st_size == 0:
+            return
+        there = kind_of(file)
+    except OSError as error:
+        raise LogError(f"cannot write {path}: {error.strerror}") from error
+    if there is kind:
+        return
+    if there is not None:
+        what = f"there is a {there.value}"
+    elif kind is None:
+        return
+    else:
+        what = f"there is a file that is no {kind.value} of Duoglide"
+    raise LogError(f"cannot write {path}: {what}, and it is not replaced; take another name")

@@ -10,7 +10,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from math import isfinite
 from typing import Any, ClassVar, Protocol, Self, TypeAlias
+
+_INT31 = 2**31 - 1
+_INT63 = 2**63 - 1
+_WORD = 0xFFFF
+_NUMBERS = frozenset((int, float))  # and no bool, which is an int to Python
 
 Triple: TypeAlias = tuple[float, float, float]
 IntTriple: TypeAlias = tuple[int, int, int]
@@ -81,7 +87,12 @@ class Record(Protocol):
 
     @classmethod
     def from_json(cls, fields: Mapping[str, Any]) -> Self:
-        """Build the record from its decoded JSON object."""
+        """Build the record from its decoded JSON object.
+
+        Raises:
+            KeyError: A field lacks.
+            ValueError: A field is of another kind, or out of its range.
+        """
         ...
 
 
@@ -140,16 +151,16 @@ class CycleRecord:
     def from_json(cls, fields: Mapping[str, Any]) -> Self:
         """Build the record from its decoded JSON object."""
         return cls(
-            cycle=int(fields["cycle"]),
-            phase=Phase(fields["phase"]),
-            path_time=float(fields["path_time"]),
-            rate=float(fields["rate"]),
-            setpoint=_ints(fields["setpoint"]),
-            actual=_ints(fields["actual"]),
-            controlword=_ints(fields["controlword"]),
-            statusword=_ints(fields["statusword"]),
-            lateness=int(fields["lateness"]),
-            missing=int(fields["missing"]),
+            cycle=_whole(fields, "cycle", 0, _INT63),
+            phase=Phase(_whole(fields, "phase", 0, max(Phase))),
+            path_time=_real(fields, "path_time"),
+            rate=_real(fields, "rate"),
+            setpoint=_wholes(fields, "setpoint", -_INT31 - 1, _INT31),
+            actual=_wholes(fields, "actual", -_INT31 - 1, _INT31),
+            controlword=_wholes(fields, "controlword", 0, _WORD),
+            statusword=_wholes(fields, "statusword", 0, _WORD),
+            lateness=_whole(fields, "lateness", -_INT63, _INT63),
+            missing=_whole(fields, "missing", 0, 0b111),
         )
 
 
@@ -181,9 +192,9 @@ class EventRecord:
         """Build the record from its decoded JSON object."""
         return cls(
             kind=EventKind(fields["kind"]),
-            text=str(fields["text"]),
-            axis=int(fields["axis"]),
-            code=int(fields["code"]),
+            text=_text(fields, "text"),
+            axis=_whole(fields, "axis", 0, 3),
+            code=_whole(fields, "code", 0, _WORD),
         )
 
 
@@ -225,12 +236,12 @@ class MotionRecord:
     def from_json(cls, fields: Mapping[str, Any]) -> Self:
         """Build the record from its decoded JSON object."""
         return cls(
-            path_time=float(fields["path_time"]),
-            position=_floats(fields["position"]),
-            carriages=_floats(fields["carriages"]),
-            velocity=_floats(fields["velocity"]),
-            acceleration=_floats(fields["acceleration"]),
-            jerk=_floats(fields["jerk"]),
+            path_time=_real(fields, "path_time"),
+            position=_reals(fields, "position"),
+            carriages=_reals(fields, "carriages"),
+            velocity=_reals(fields, "velocity"),
+            acceleration=_reals(fields, "acceleration"),
+            jerk=_reals(fields, "jerk"),
         )
 
 
@@ -246,11 +257,50 @@ def _float(value: float) -> bytes:
     return float.__repr__(float(value)).encode()
 
 
-def _ints(values: Any) -> IntTriple:
-    first, second, third = values
-    return int(first), int(second), int(third)
+def _whole(fields: Mapping[str, Any], name: str, low: int, high: int) -> int:
+    """Return a whole number within its range."""
+    value = fields[name]
+    if type(value) is int and low <= value <= high:
+        return value
+    raise ValueError(f"{name} = {value!r:.60}: must be a whole number from {low} to {high}")
 
 
-def _floats(values: Any) -> Triple:
-    first, second, third = values
-    return float(first), float(second), float(third)
+def _real(fields: Mapping[str, Any], name: str) -> float:
+    """Return a finite number."""
+    value = fields[name]
+    if type(value) in _NUMBERS and isfinite(value):
+        return float(value)
+    raise ValueError(f"{name} = {value!r:.60}: must be a finite number")
+
+
+def _wholes(fields: Mapping[str, Any], name: str, low: int, high: int) -> IntTriple:
+    """Return three whole numbers within their range."""
+    values = fields[name]
+    if type(values) is list and len(values) == 3:
+        first, second, third = values
+        if (
+            type(first) is type(second) is type(third) is int
+            and low <= first <= high
+            and low <= second <= high
+            and low <= third <= high
+        ):
+            return first, second, third
+    raise ValueError(f"{name} = {values!r:.60}: must be three whole numbers from {low} to {high}")
+
+
+def _reals(fields: Mapping[str, Any], name: str) -> Triple:
+    """Return three finite numbers."""
+    values = fields[name]
+    if type(values) is list and len(values) == 3:
+        first, second, third = values
+        if {type(first), type(second), type(third)} <= _NUMBERS and all(map(isfinite, values)):
+            return float(first), float(second), float(third)
+    raise ValueError(f"{name} = {values!r:.60}: must be three finite numbers")
+
+
+def _text(fields: Mapping[str, Any], name: str) -> str:
+    """Return a text."""
+    value = fields[name]
+    if isinstance(value, str):
+        return value
+    raise ValueError(f"{name} = {value!r:.60}: must be a text")

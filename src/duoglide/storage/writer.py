@@ -7,23 +7,24 @@ import json
 import os
 import platform
 import time
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import IO, Self
+
+from mcap.writer import CompressionType, Writer
 
 from duoglide.errors import LogError
 from duoglide.storage.atomic import file_behind
-from duoglide.storage.container import ChannelSpec, ContainerWriter
+from duoglide.storage.head import FORMAT, METADATA_NAME, checksum
+from duoglide.storage.paths import require_replaceable
 from duoglide.storage.records import LogKind, Record, Topic
 from duoglide.storage.schemas import schema_name, schema_of
 
-FORMAT = "1"
-METADATA_NAME = "duoglide"
 FLUSH_PERIOD = 0.5  # [s]
+CHUNK_SIZE = 64 * 1024  # bytes before compression: what one message may have to wait for
 JSON_TYPE = "application/json"
 
 
@@ -62,7 +63,8 @@ class LogWriter:
     """Writes one plan or run.
 
     The file appears under its name only when there is something to keep: a plan when it is
-    complete, a run with its first message. Until then an older file of that name stays as it is.
+    complete, a run with its first message. Until then an older file of that name stays as it is; it
+    must be of the same kind, for nothing else is replaced.
 
     Args:
         path: Where to write.
@@ -97,6 +99,7 @@ class LogWriter:
         anchor = self._anchor or (ClockAnchor.now() if run else ClockAnchor.zero())
         self._stamp = anchor.stamp
         self._goal = file_behind(self._path)
+        require_replaceable(self._path, self._kind)
         self._temporary = self._goal.with_name(f".{self._goal.name}.{os.getpid()}.part")
         try:
             self._file = self._temporary.open("wb")
@@ -110,9 +113,12 @@ class LogWriter:
         return self
 
     def _begin(self, anchor: ClockAnchor) -> None:
-        channels = [ChannelSpec(t.value, schema_name(t), schema_of(t)) for t in Topic]
-        self._container = ContainerWriter(self._file, f"duoglide {version('duoglide')}", channels)
-        self._numbers = {topic: number for number, topic in enumerate(Topic, 1)}
+        self._mcap = open_mcap(self._file)
+        self._numbers = {
+            topic: add_channel(self._mcap, topic, schema_name(topic), schema_of(topic))
+            for topic in Topic
+        }
+        self._sequence = 0
         head = {
             **self._metadata,
             "format": FORMAT,
@@ -122,7 +128,7 @@ class LogWriter:
             "duoglide": version("duoglide"),
             "python": platform.python_version(),
         }
-        self._container.add_metadata(METADATA_NAME, {**head, "crc32": checksum(head)})
+        self._mcap.add_metadata(METADATA_NAME, {**head, "crc32": checksum(head)})
         self._publish_now = self._kind is LogKind.RUN
         self._next_flush = time.monotonic() + FLUSH_PERIOD
 
@@ -137,7 +143,8 @@ class LogWriter:
         except (TypeError, ValueError) as error:
             raise LogError(f"document {name} cannot be written as JSON: {error}") from error
         try:
-            self._container.add_attachment(str(name), JSON_TYPE, time.time_ns(), data)
+            now = time.time_ns()
+            self._mcap.add_attachment(now, now, str(name), JSON_TYPE, data)
             self._file.flush()
         except OSError as error:
             raise LogError(f"cannot write {self._path}: {error.strerror}") from error
@@ -153,8 +160,12 @@ class LogWriter:
         Raises:
             LogError: The disk is full, or the file cannot be put in place.
         """
+        stamp = self._stamp(t)
+        self._sequence = (self._sequence + 1) & 0xFFFFFFFF
         try:
-            self._container.add_message(self._numbers[topic], self._stamp(t), record.to_json())
+            self._mcap.add_message(
+                self._numbers[topic], stamp, record.to_json(), stamp, self._sequence
+            )
         except OSError as error:
             raise LogError(f"cannot write {self._path}: {error.strerror}") from error
         if self._publish_now or time.monotonic() >= self._next_flush:
@@ -169,7 +180,7 @@ class LogWriter:
             LogError: The disk is full, or the file cannot be put in place.
         """
         try:
-            self._container.flush()
+            self._mcap.flush()
             if self._publish_now:
                 self._publish()
         except OSError as error:
@@ -191,7 +202,7 @@ class LogWriter:
             self._discard()
             return
         try:
-            self._container.finish()
+            self._mcap.finish()
             self._file.flush()
             os.fsync(self._file.fileno())
             self._file.close()
@@ -208,6 +219,24 @@ class LogWriter:
             self._temporary.unlink(missing_ok=True)
 
 
-def checksum(head: Mapping[str, str]) -> str:
-    """Return the checksum of a log's metadata, which MCAP itself does not protect."""
-    return str(zlib.crc32(json.dumps(dict(sorted(head.items()))).encode()))
+def open_mcap(file: IO[bytes]) -> Writer:
+    """Begin an MCAP file as ours are: in small chunks, compressed, with their checksums.
+
+    Args:
+        file: An empty file, open for writing bytes; it is not closed here.
+    """
+    writer = Writer(file, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD)
+    writer.start(profile="", library=f"duoglide {version('duoglide')}")
+    return writer
+
+
+def add_channel(writer: Writer, topic: str, name: str, schema: bytes) -> int:
+    """Add a channel of JSON messages with the name and the text of its schema; return its number.
+
+    Messages of a channel can be written from then on.
+    """
+    return writer.register_channel(
+        topic=topic,
+        message_encoding="json",
+        schema_id=writer.register_schema(name=name, encoding="jsonschema", data=schema),
+    )

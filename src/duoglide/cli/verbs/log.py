@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -47,7 +47,11 @@ def log(
     ] = None,
     candump: Annotated[
         Path | None,
-        typer.Option("--candump", metavar="FILE", help="Write the cycle's frames for can-utils."),
+        typer.Option(
+            "--candump",
+            metavar="FILE",
+            help="Write the cycles' frames (candump .log, .asc, .blf or .trc).",
+        ),
     ] = None,
     foxglove: Annotated[
         Path | None,
@@ -130,13 +134,29 @@ def _summarise(opened: Log, as_json: bool) -> None:
 
     with working("reading"):
         summary = summarise(opened)
+        numbers, facts = _planned(opened)
     if as_json:
-        say_json(summary.to_dict())
+        say_json({**summary.to_dict(), **numbers})
         return
     say(f"{summary.file}: a {summary.kind}, recorded {summary.recorded}")
-    say_facts(_facts(summary))
+    say_facts(_facts(summary) + facts)
     for t, event in summary.events:
         say(f"  {t:9.3f} s  {event.kind.value}: {event.text}")
+
+
+def _planned(opened: Log) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """Return what ``duoglide plan`` has said of a plan; nothing of a run."""
+    from duoglide.storage import LogKind
+
+    if opened.kind is not LogKind.PLAN:
+        return {}, []
+    from duoglide.cli.verbs.plan import plan_facts, plan_numbers
+    from duoglide.playback.rebuild import plan_of
+
+    trajectory = plan_of(opened)
+    audit = trajectory.audit()
+    facts = [("duration", f"{trajectory.duration:.4f} s"), *plan_facts(trajectory, audit)]
+    return {"plan": plan_numbers(trajectory, audit)}, facts
 
 
 def _facts(summary: LogSummary) -> list[tuple[str, str]]:

@@ -38,7 +38,10 @@ def add_to(app: typer.Typer) -> None:
 
 
 def replay(
-    run: Annotated[Path, typer.Argument(help="A run (.mcap), or raw frames (candump .log).")],
+    run: Annotated[
+        Path,
+        typer.Argument(help="A run (.mcap), or raw frames (candump .log, .asc, .blf, .trc)."),
+    ],
     *,
     bus: Bus = "virtual",
     log: Annotated[
@@ -51,19 +54,34 @@ def replay(
         ),
     ] = None,
     approach: Approach = False,
+    channel: Annotated[
+        str | None,
+        typer.Option(
+            "--channel", metavar="NAME", help="Of raw frames: those of this interface only."
+        ),
+    ] = None,
     view: View = None,
     machine: MachineFile = None,
     as_json: Json = False,
 ) -> None:
     """Check a recorded run against the machine again, and stream it again: the same setpoints.
 
-    A candump log is sent frame by frame with the timing that it has, and nothing is checked.
+    Raw frames are sent one by one with the timing that they have, when all of them have been read;
+    what they ask of the drives is not checked.
     """
     factor = override_factor(override) if override is not None else None
     require_place(log)
-    if run.suffix == ".log":
-        _play(run, bus, as_json)
+    from duoglide.playback.can_log import SUFFIXES
+
+    if run.suffix.lower() in SUFFIXES:
+        if log or override or approach or view or machine:
+            raise typer.BadParameter(
+                "--log, --override, --approach, --view and --machine do not go with raw frames"
+            )
+        _play(run, bus, channel, as_json)
         return
+    if channel is not None:
+        raise typer.BadParameter("--channel goes with raw frames only")
     from duoglide.playback.replay import prepare
 
     described = load_machine(machine) if machine is not None else None
@@ -76,15 +94,18 @@ def replay(
     finish(report, log, as_json)
 
 
-def _play(frames: Path, bus: str, as_json: bool) -> None:
+def _play(file: Path, bus: str, channel: str | None, as_json: bool) -> None:
     if bus == "virtual":
         raise InputError("raw frames need a bus that others are on: --bus socketcan:IFACE or such")
     from duoglide.drives.buses import open_bus
-    from duoglide.playback.candump import play, read_candump
+    from duoglide.playback.can_log import play, read_frames
 
+    with working("reading frames"):
+        frames = read_frames(file, channel)
     with working("sending frames"), open_bus(bus) as opened:
-        count = play(read_candump(frames), opened)
+        count = play(frames, opened)
     if as_json:
-        say_json({"frames": count})
-    else:
-        say(f"{frames}: {count} frames sent to {bus}")
+        say_json({"frames": count, "channel": frames.channel, "skipped": frames.skipped})
+        return
+    left = f"; {frames.skipped} error frames were left out" if frames.skipped else ""
+    say(f"{file}: {count} frames of {frames.channel} sent to {bus}{left}")

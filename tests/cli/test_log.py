@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from duoglide.cli.main import run
+
+PLAN = ["plan", "--pick", "-41,0,300", "--place", "-41,40,300"]
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_plan_is_shown_as_it_was_when_it_was_made(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(PLAN) == 0
+    first, *facts = capsys.readouterr().out.splitlines()
+    assert run(["log", "plan.mcap"]) == 0
+    shown = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert len(facts) > 5
+    for line in facts:
+        assert " ".join(line.split()) in shown
+    assert f"duration {first.removeprefix('plan.mcap: ')}" in shown
+    assert run(["log", "plan.mcap", "--json"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert f"{numbers['plan']['duration']:.4f} s" in first
