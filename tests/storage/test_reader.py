@@ -83,13 +83,13 @@ def test_flipped_bits_never_give_a_wrong_message_nor_hang(
         for _ in range(rng.choice((1, 1, 3, 40))):
             damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
         file.write_bytes(damaged)
-        start = time.perf_counter()
+        start = time.process_time()
         try:
             got = messages_of(file)
         except dg.LogError:
             continue
         finally:
-            slowest = max(slowest, time.perf_counter() - start)
+            slowest = max(slowest, time.process_time() - start)
         assert got == cycles[: len(got)]
     assert slowest < 1.0
 
