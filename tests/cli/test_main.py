@@ -295,6 +295,21 @@ def test_a_folder_that_is_not_ours_is_refused_before_the_work(
     assert "no permission" in refused(["plan", *PICK, "--out", "plan.mcap"], capsys)
 
 
+def test_help_is_the_same_where_python_drops_docstrings() -> None:
+    code = (
+        "from duoglide.cli.main import run, start; assert (start.__doc__ is None) != __debug__;"
+        f"[run([*verb, '--help']) for verb in [[], *([name] for name in {VERBS!r})]]"
+    )
+    with_docstrings, without = (
+        subprocess.run(
+            [sys.executable, *options, "-c", code], capture_output=True, text=True, check=True
+        ).stdout
+        for options in ([], ["-OO"])
+    )
+    assert with_docstrings.count("Usage:") == len(VERBS) + 1
+    assert without == with_docstrings
+
+
 def test_help_loads_no_heavy_library() -> None:
     code = (
         "import sys; from duoglide.cli.main import run; run(['--help']);"
