@@ -28,7 +28,7 @@ def loaded_after(code: str) -> set[str]:
     """Run code in an interpreter of its own, and list which heavy libraries it has loaded."""
     listing = f"{code}\nimport sys\nprint(*({HEAVY!r} & set(sys.modules)))"
     run = subprocess.run(
-        [sys.executable, "-c", listing], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", listing], capture_output=True, text=True, check=True, timeout=600
     )
     return set(run.stdout.split())
 
@@ -48,14 +48,14 @@ def test_no_heavy_library_loads_before_it_is_used(code: str) -> None:
 
 
 def test_importing_takes_less_than_three_tenths_of_a_second() -> None:
-    """The least of a few runs, because other processes share the machine."""
+    """Of the processor's time, and the least of a few runs: other processes share the machine."""
     code = (
-        "import numpy, time; t = time.perf_counter(); import duoglide, duoglide.machine;"
-        "print(time.perf_counter() - t)"
+        "import numpy, time; t = time.process_time(); import duoglide, duoglide.machine;"
+        "print(time.process_time() - t)"
     )
     command = [sys.executable, "-c", code]
     runs = [
-        float(subprocess.run(command, capture_output=True, check=True, timeout=60).stdout)
+        float(subprocess.run(command, capture_output=True, check=True, timeout=600).stdout)
         for _ in range(3)
     ]
     assert min(runs) < 0.3

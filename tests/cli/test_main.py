@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 import warnings
 from pathlib import Path
 
@@ -229,7 +228,7 @@ def test_the_workspace_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_reader_that_leaves_is_no_traceback() -> None:
     command = f"{sys.executable} -m duoglide.cli machine --json | head -n 1"
     done = subprocess.run(
-        ["bash", "-c", command], capture_output=True, text=True, timeout=60, check=True
+        ["bash", "-c", command], capture_output=True, text=True, timeout=600, check=True
     )
     assert done.stdout == "{\n"
     assert done.stderr == ""
@@ -249,7 +248,7 @@ def test_an_interrupt_while_the_verbs_are_put_together_is_one_line(
 def test_closed_streams_are_no_traceback(closed: str) -> None:
     command = f"{sys.executable} -m duoglide.cli machine --out cell.toml --force {closed}"
     done = subprocess.run(
-        ["bash", "-c", command], capture_output=True, text=True, timeout=60, check=True
+        ["bash", "-c", command], capture_output=True, text=True, timeout=600, check=True
     )
     assert done.stderr == ""
     assert dg.Machine.load("cell.toml").to_dict() == dg.Machine.default().to_dict()
@@ -258,7 +257,7 @@ def test_closed_streams_are_no_traceback(closed: str) -> None:
 def test_a_name_that_the_terminal_cannot_show_is_no_traceback() -> None:
     name = os.fsdecode(b"caf\xff.toml")
     command = [sys.executable, "-m", "duoglide.cli", "machine", "--out", name]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
     assert "caf" in done.stdout
     assert Path(name).exists()
 
@@ -296,14 +295,28 @@ def test_a_folder_that_is_not_ours_is_refused_before_the_work(
     assert "no permission" in refused(["plan", *PICK, "--out", "plan.mcap"], capsys)
 
 
-def test_help_is_quick() -> None:
-    def seconds(arguments: list[str]) -> float:
-        begin = time.perf_counter()
-        subprocess.run([sys.executable, *arguments], capture_output=True, check=True, timeout=60)
-        return time.perf_counter() - begin
-
-    plain = min(
-        seconds(["-c", "import typer, rich.console, rich.panel, rich.table"]) for _ in "123"
+def test_help_is_the_same_where_python_drops_docstrings() -> None:
+    code = (
+        "from duoglide.cli.main import run, start; assert (start.__doc__ is None) != __debug__;"
+        f"[run([*verb, '--help']) for verb in [[], *([name] for name in {VERBS!r})]]"
     )
-    ours = min(seconds(["-m", "duoglide.cli", "--help"]) for _ in "123")
-    assert ours < 3.0 * plain + 0.5, "heavy libraries are loaded only by the verbs that need them"
+    with_docstrings, without = (
+        subprocess.run(
+            [sys.executable, *options, "-c", code], capture_output=True, text=True, check=True
+        ).stdout
+        for options in ([], ["-OO"])
+    )
+    assert with_docstrings.count("Usage:") == len(VERBS) + 1
+    assert without == with_docstrings
+
+
+def test_help_loads_no_heavy_library() -> None:
+    code = (
+        "import sys; from duoglide.cli.main import run; run(['--help']);"
+        "print('loaded', *sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert "typer" in loaded
+    heavy = {"can", "canopen", "matplotlib", "numba", "numpy", "ruckig", "scipy", "toppra", "viser"}
+    assert not loaded & heavy

@@ -103,14 +103,14 @@ def test_a_replay_is_watched_slowed_and_stopped_by_another_program(
         robot.current_run.set_override(0.5)
         assert robot.current_run.status.override == 0.5
         robot.stop()
-        _, errors = process.communicate(timeout=30.0)
+        _, errors = process.communicate(timeout=600.0)
     assert process.returncode == 1
     assert "the run ended at path time" in errors.splitlines()[-1]
 
 
 def joined(pid: int) -> JoinedRobot:
     """Join a program as soon as it moves."""
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 600.0
     while time.monotonic() < deadline:
         with contextlib.suppress(dg.BusError):
             robot = JoinedRobot(find(pid))
@@ -157,12 +157,12 @@ def test_ctrl_c_and_sigterm_stop_on_the_path_and_leave_a_whole_log(
     signal.signal(number, before)
     log = folder / name
     with process:
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + 600.0
         while not log.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
         time.sleep(1.0)
         process.send_signal(number)
-        _, errors = process.communicate(timeout=30.0)
+        _, errors = process.communicate(timeout=600.0)
     assert process.returncode == 1
     assert errors.splitlines()[-1] == "duoglide: interrupted"
     assert "Traceback" not in errors
@@ -185,6 +185,6 @@ def test_simulated_drives_play_their_scenario_and_end_in_order_when_they_are_ask
         assert process.stdout.readline() == "Ctrl-C ends them\n"
         assert process.stdout.readline().endswith(" s, axis 3: device fault\n")
         process.terminate()
-        said, _ = process.communicate(timeout=10.0)
+        said, _ = process.communicate(timeout=600.0)
     assert process.returncode == 0
     assert said == "ended\n"

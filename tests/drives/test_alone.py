@@ -31,7 +31,7 @@ def talking(address: str, can_id: int, extended: bool = False) -> Iterator[threa
 
     thread = threading.Thread(target=talk)
     thread.start()
-    begun.wait(5.0)
+    begun.wait(60.0)
     try:
         yield silent
     finally:
@@ -58,8 +58,8 @@ def test_another_host_is_named(
 
 def test_a_host_that_falls_silent_is_waited_for(process: SimulatedDrives) -> None:
     with talking(process.address, pdo.SYNC) as silent:
-        threading.Timer(0.3, silent.set).start()
         begin = time.monotonic()
+        threading.Timer(0.3, silent.set).start()
         require_alone(process.address, SETTINGS)
         assert time.monotonic() - begin > 0.3
 

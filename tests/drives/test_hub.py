@@ -75,7 +75,7 @@ def connect(hub: Hub) -> SocketcandBus:
     return bus
 
 
-def wait_until(condition: Callable[[], bool], patience: float = 2.0) -> None:
+def wait_until(condition: Callable[[], bool], patience: float = 60.0) -> None:
     deadline = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < deadline
@@ -85,7 +85,7 @@ def wait_until(condition: Callable[[], bool], patience: float = 2.0) -> None:
 def receive(bus: can.BusABC, count: int) -> list[tuple[int, bytes]]:
     frames = []
     for _ in range(count):
-        message = bus.recv(2.0)
+        message = bus.recv(60.0)
         assert message is not None
         frames.append((message.arbitration_id, bytes(message.data)))
     return frames
@@ -222,7 +222,7 @@ def test_python_cans_own_client_can_join(caplog: pytest.LogCaptureFixture) -> No
         try:
             theirs = SocketCanDaemonBus("can0", address.place, address.port)
             with theirs:
-                message = theirs.recv(2.0)
+                message = theirs.recv(60.0)
                 assert message is not None
                 assert message.arbitration_id == 0x123
                 theirs.send(can.Message(arbitration_id=0x7FF, data=b"\x0a", is_extended_id=False))
@@ -284,7 +284,7 @@ def test_a_client_that_never_reads_does_not_hold_up_the_others(
             sender.send_frames(block)
             return hub.clients == 1
 
-        wait_until(dropped, 10.0)
+        wait_until(dropped)
 
 
 def test_the_hub_carries_a_thousand_cycles_of_three_axes() -> None:

@@ -71,7 +71,7 @@ def test_the_drives_end_with_a_killed_parent_once_nobody_is_connected() -> None:
             heard = bus.recv(1.0)  # the drives are there as long as someone is
             assert heard is not None
             assert heard.arbitration_id == 0x701
-        wait_for_end(int(pid), 3.0)
+        wait_for_end(int(pid), 60.0)
     finally:
         parent.kill()
         parent.wait()
@@ -106,7 +106,7 @@ def test_drives_can_be_served_on_udp_from_another_process() -> None:
     name = "udp:239.74.163.78:43178"
     with SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0), bus=name), open_bus(name) as bus:
         bus.send(can.Message(arbitration_id=0, data=b"\x81\x00", is_extended_id=False))
-        heard = {m.arbitration_id for _ in range(4) if (m := bus.recv(2.0)) is not None}
+        heard = {m.arbitration_id for _ in range(4) if (m := bus.recv(60.0)) is not None}
         assert heard == {0, 0x701, 0x702, 0x703}  # on multicast one hears oneself
 
 
@@ -125,7 +125,7 @@ def test_drives_in_this_process_answer_on_an_open_bus() -> None:
         thread = threading.Thread(target=serve_drives, args=(theirs, rack, done.is_set))
         thread.start()
         try:
-            heard = {m.arbitration_id for _ in range(3) if (m := ours.recv(2.0)) is not None}
+            heard = {m.arbitration_id for _ in range(3) if (m := ours.recv(60.0)) is not None}
             assert heard == {pdo.HEARTBEAT + node for node in (4, 5, 6)}
         finally:
             done.set()
@@ -157,7 +157,7 @@ def test_drives_outlive_a_link_that_goes_down_and_up() -> None:
             while ours.recv(0.05) is not None:
                 pass
             ours.send(can.Message(arbitration_id=0, data=b"\x81\x02", is_extended_id=False))
-            heard = ours.recv(2.0)
+            heard = ours.recv(60.0)
             assert heard is not None
             assert heard.arbitration_id == pdo.HEARTBEAT + 2
         finally:

@@ -1,12 +1,12 @@
-"""The C reference axis, built twice: as a Python module, and as a program under sanitizers."""
+"""The C reference axis, built twice: as a shared library, and as a program under sanitizers."""
 
 from __future__ import annotations
 
-import importlib.util
+import ctypes
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -19,58 +19,51 @@ SOURCES = [
 ]
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
-_DECLARATIONS = """
-typedef struct { ...; } lax_axis_t;
-void lax_init(lax_axis_t *axis);
-uint32_t lax_write(lax_axis_t *axis, uint16_t index, uint8_t sub, int64_t value);
-uint32_t lax_read(const lax_axis_t *axis, uint16_t index, uint8_t sub, int64_t *value);
-void lax_sync(lax_axis_t *axis);
-void lax_setpoint(lax_axis_t *axis, uint16_t controlword, int32_t target);
-void lax_heartbeat(lax_axis_t *axis);
-void lax_communication(lax_axis_t *axis, bool operational);
-void lax_raise_fault(lax_axis_t *axis, uint16_t code);
-void lax_set_sto(lax_axis_t *axis, bool active);
-void lax_set_inputs(lax_axis_t *axis, uint32_t word);
-void lax_tick(lax_axis_t *axis, int64_t dt, int64_t encoder);
-uint16_t lax_statusword(const lax_axis_t *axis);
-uint8_t lax_error_register(const lax_axis_t *axis);
-bool lax_powered(const lax_axis_t *axis);
-bool lax_brake_released(const lax_axis_t *axis);
-int64_t lax_servo_demand(const lax_axis_t *axis);
-int64_t lax_servo_velocity(const lax_axis_t *axis);
-int64_t lax_period(const lax_axis_t *axis);
-bool lax_take_emergency(lax_axis_t *axis, uint16_t *code);
-"""
+_SIZE = '#include "axis.h"\nunsigned long lax_size(void) { return sizeof(lax_axis_t); }\n'
+_DECLARATION = re.compile(r"^(\w+) (lax_\w+)\((.*)\);", re.M)
+_ARGUMENT = re.compile(r"(?:const )?(\w+) (\*?)\w+")
+_TYPES: dict[str, Any] = {
+    "void": None,
+    "bool": ctypes.c_bool,
+    **{f"uint{bits}_t": getattr(ctypes, f"c_uint{bits}") for bits in (8, 16, 32)},
+    **{f"int{bits}_t": getattr(ctypes, f"c_int{bits}") for bits in (32, 64)},
+}
 
 
-def build_c_axis(folder: Path) -> ModuleType:
-    from cffi import FFI
+def declare(library: ctypes.CDLL, header: str) -> None:
+    """Tell ctypes what a header says of each function."""
+    for result, name, arguments in _DECLARATION.findall(header):
+        function = getattr(library, name)
+        function.restype = _TYPES[result]
+        function.argtypes = [
+            ctypes.c_void_p
+            if kind == "lax_axis_t"
+            else ctypes.POINTER(_TYPES[kind])
+            if star
+            else _TYPES[kind]
+            for kind, star in _ARGUMENT.findall(arguments)
+        ]
 
-    ffi = FFI()
-    ffi.cdef(_DECLARATIONS)
-    ffi.set_source(
-        "_reference_axis",
-        '#include <stdbool.h>\n#include "axis.h"',
-        sources=[str(path) for path in SOURCES],
-        include_dirs=[str(FIRMWARE / "reference_axis")],
-        extra_compile_args=["-std=c99", "-O1"],
-    )
-    path = ffi.compile(tmpdir=str(folder))
-    spec = importlib.util.spec_from_file_location("_reference_axis", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+
+def build_c_axis(folder: Path) -> ctypes.CDLL:
+    """Compile the axis to a shared library; a compiler is all that is needed."""
+    size, library = folder / "size.c", folder / "axis.so"
+    size.write_text(_SIZE, encoding="utf-8")
+    command = ["cc", "-std=c99", "-O1", "-shared", "-fPIC", "-I", str(FIRMWARE / "reference_axis")]
+    command += [*map(str, SOURCES), str(size), "-o", str(library)]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    loaded = ctypes.CDLL(str(library))
+    declare(loaded, (FIRMWARE / "reference_axis" / "axis.h").read_text(encoding="utf-8"))
+    return loaded
 
 
 class CAxis:
     """The C reference axis as the node of a simulated drive takes it."""
 
-    def __init__(self, module: ModuleType) -> None:
-        self._lib: Any = module.lib  # type: ignore[attr-defined]
-        self._ffi: Any = module.ffi  # type: ignore[attr-defined]
-        self._axis = self._ffi.new("lax_axis_t *")
+    def __init__(self, library: ctypes.CDLL) -> None:
+        self._lib = library
+        self._memory = ctypes.create_string_buffer(library.lax_size())
+        self._axis = ctypes.addressof(self._memory)
         self._lib.lax_init(self._axis)
 
     statusword = property(lambda self: self._lib.lax_statusword(self._axis))
@@ -83,9 +76,9 @@ class CAxis:
     actual = property(lambda self: self.read(0x6064, 0))
 
     def read(self, index: int, sub: int) -> int:
-        value = self._ffi.new("int64_t *")
+        value = ctypes.c_int64()
         self._check(self._lib.lax_read(self._axis, index, sub, value))
-        return int(value[0])
+        return value.value
 
     def write(self, index: int, sub: int, value: int) -> None:
         self._check(self._lib.lax_write(self._axis, index, sub, value))
@@ -120,16 +113,16 @@ class CAxis:
 
     def take_emergencies(self) -> list[int]:
         codes = []
-        code = self._ffi.new("uint16_t *")
+        code = ctypes.c_uint16()
         while self._lib.lax_take_emergency(self._axis, code):
-            codes.append(int(code[0]))
+            codes.append(code.value)
         return codes
 
 
 @pytest.fixture(scope="session")
 def make_c_axis(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], CAxis]:
-    module = build_c_axis(tmp_path_factory.mktemp("cffi"))
-    return lambda: CAxis(module)
+    library = build_c_axis(tmp_path_factory.mktemp("c_axis"))
+    return lambda: CAxis(library)
 
 
 @pytest.fixture(scope="session")

@@ -70,7 +70,7 @@ def stream(network: canopen.Network, axes: list[Axis], cycles: int) -> list[list
             frames.append((pdo.RPDO1 + axis.node_id, pdo.SETPOINT.pack(0xF, target)))
         send(frames)
         time.sleep(max(0.0, start + SETTINGS.cycle * (k + 1) - time.monotonic()))
-    deadline = time.monotonic() + 5.0  # three threads share one interpreter
+    deadline = time.monotonic() + 60.0  # three threads share one interpreter
     while min(map(len, feedback)) < cycles and time.monotonic() < deadline:
         time.sleep(0.01)
     return feedback

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 import tomllib
 from itertools import pairwise
 from pathlib import Path
@@ -34,21 +36,34 @@ def test_every_key_is_explained_once_and_fits_the_page(tmp_path: Path) -> None:
     for name in ("geometry", "limits", "drives"):
         keys |= {key for key in tables[name] if key not in ("homing", "quirks")}
     assert keys <= explained
-    assert "leg_length = 160.0  # l2, the legs B1C1 and B2C2" in lines
-    assert "jerk = [1000000.0, 2000000.0, 3000000.0]  # [mm/s^3]" in lines
+    assert "leg_length = 160.0  # l2, the legs B1C1 and B2C2 [mm]" in lines
+    assert (
+        "jerk = [1000000.0, 2000000.0, 3000000.0]  # the largest jerk, likewise [mm/s^3]" in lines
+    )
 
 
 def test_what_a_machine_leaves_out_is_told_and_what_it_gives_is_not(tmp_path: Path) -> None:
     file = tmp_path / "cell.toml"
     dg.Machine.default().save(file)
     text = " ".join(line.removeprefix("# ") for line in file.read_text().splitlines())
-    assert "Not given here, home_position: Platform position at which" in text
+    assert "Not given here, home_position: platform position at which" in text
     assert "left out, the deepest point of the workspace" in text
-    assert "Not given here, [stop_limits] with velocity, acceleration, jerk: What a stop" in text
+    assert "Not given here, [stop_limits] with velocity, acceleration, jerk: what a stop" in text
     assert dg.Machine.load(file).to_dict() == dg.Machine.default().to_dict()
     limits = dg.CarriageLimits(acceleration=1e5, jerk=1e7)
     dg.Machine(stop_limits=limits, home_position=(-41, 0, 302)).save(file)
     assert "Not given here" not in file.read_text()
+
+
+def test_the_file_is_the_same_where_python_drops_docstrings(tmp_path: Path) -> None:
+    MACHINE.save(tmp_path / "cell.toml")
+    code = (
+        "import sys, duoglide as dg; assert dg.Machine.load.__doc__ is None, 'not -OO';"
+        "dg.Machine.load(sys.argv[1]).save(sys.argv[2])"
+    )
+    files = [str(tmp_path / "cell.toml"), str(tmp_path / "again.toml")]
+    subprocess.run([sys.executable, "-OO", "-c", code, *files], check=True)
+    assert (tmp_path / "again.toml").read_text() == (tmp_path / "cell.toml").read_text()
 
 
 def test_long_arrays_and_nested_ones_stay_as_they_are() -> None:

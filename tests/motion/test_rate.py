@@ -208,10 +208,10 @@ def test_a_step_is_quick() -> None:
     best = np.inf
     for _ in range(20):
         clock.hold()
-        begin = time.perf_counter()
+        begin = time.process_time()
         for _ in range(20):
             clock.step(CYCLE)
-        best = min(best, (time.perf_counter() - begin) / 20)
+        best = min(best, (time.process_time() - begin) / 20)
         clock.resume()
         for _ in range(60):
             clock.step(CYCLE)

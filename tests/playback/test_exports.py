@@ -102,7 +102,7 @@ def test_can_utils_reads_the_frames(run_log: Path, tmp_path: Path) -> None:
     file = tmp_path / "run.log"
     count = write_candump(read_log(run_log), file)
     out = subprocess.run(
-        ["log2asc", "-I", str(file), "can0"], capture_output=True, text=True, check=True, timeout=20
+        ["log2asc", "-I", str(file), "can0"], capture_output=True, text=True, check=True
     ).stdout
     assert len([line for line in out.splitlines() if " Rx " in line]) == count
 

@@ -37,7 +37,7 @@ with LogWriter(sys.argv[1], LogKind.RUN) as log:
         three = (n, n, n)
         log.write(Topic.CYCLE, time.monotonic(),
                   CycleRecord(n, Phase.PROGRAM, n * 0.002, 1.0, three, three, three, three))
-        if n == 10: print("writing", flush=True)
+        print(time.monotonic(), flush=True)
         time.sleep(max(0.0, begin + 0.002 * n - time.monotonic()))
 """
 
@@ -64,16 +64,15 @@ def test_a_killed_writer_loses_at_most_a_second(tmp_path: Path) -> None:
     )
     assert writer.stdout is not None
     with writer, writer.stdout:
-        writer.stdout.readline()
-        time.sleep(1.8)
-        died = time.monotonic()
+        lines = [writer.stdout.readline() for _ in range(900)]
         writer.send_signal(signal.SIGKILL)
-        writer.wait(5)
+        lines += writer.stdout
+    written = [float(line) for line in lines if line.endswith("\n")]
     with pytest.warns(LogWarning, match="was not closed"):
         log = read_log(file)
     records = list(log.records(Topic.CYCLE))
     assert [record.cycle for _, record in records] == list(range(len(records)))
-    assert died - records[-1][0] < 1.0
+    assert written[-1] - records[-1][0] < 1.0  # by its own clock, however busy the computer is
     assert log.documents["machine"] == {"clearance": 2.0}
 
     kinds = [type(record) for record in plain_records(file)]

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import can
-from duoglide.control.channel.scale import Scales
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
 import duoglide as dg
+from duoglide.control.channel.scale import Scales
 from duoglide.playback.can_log import read_frames
 from duoglide.playback.columns import columns_of
 from duoglide.playback.compare import compare

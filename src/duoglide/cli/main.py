@@ -44,6 +44,13 @@ if TYPE_CHECKING:
 DONE, FAILED, MISUSED = 0, 1, 2
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
 
+# Help is data, here and in each verb: what Python drops with -OO is no place for it.
+_HELP = """\
+Plan, check, stream, log and replay the motions of a two-rail parallel robot.
+
+Begin with [bold]duoglide demo[/bold]; every command explains itself with --help.
+"""
+
 app = typer.Typer(
     name="duoglide",
     rich_markup_mode="rich",
@@ -67,15 +74,12 @@ for verb in (
     verb.add_to(app)
 
 
-@app.callback(invoke_without_command=True)
+@app.callback(invoke_without_command=True, help=_HELP)
 def start(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
 ) -> None:
-    """Plan, check, stream, log and replay the motions of a two-rail parallel robot.
-
-    Begin with [bold]duoglide demo[/bold]; every command explains itself with --help.
-    """
+    """Plan, check, stream, log and replay the motions of a two-rail parallel robot."""
     if version:
         from duoglide import __version__
 

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
+from duoglide.machine.meaning import documented, setting, told
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """A box with sides along x, y and z that the platform's centre must stay out of [mm].
+    """A box with sides along x, y and z that the platform's centre must stay out of [mm]."""
 
-    Attributes:
-        low: Its corner with the smallest coordinates.
-        high: Its corner with the largest.
-        name: What to call it in an error.
-    """
-
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-    name: str = "box"
+    low: tuple[float, float, float] = field(
+        metadata=told("its corner with the smallest coordinates", "mm")
+    )
+    high: tuple[float, float, float] = field(metadata=told("its corner with the largest", "mm"))
+    name: str = setting("box", "what to call it in an error")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "low", rules.triple("low", self.low))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
+from duoglide.machine.meaning import documented, setting, unit_of
 
 # Objects that a drive may lack: what they would say is then checked by the host alone, or lost.
 OPTIONAL_OBJECTS = frozenset(
@@ -18,27 +19,27 @@ OPTIONAL_OBJECTS = frozenset(
 _METHODS = range(-128, 38)  # 0x6098 is an i8; CiA 402 names 1 to 37, negative ones are vendors'
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Homing:
-    """How the position reference is found (CiA 402 homing mode).
+    """How the position reference is found (CiA 402 homing mode)."""
 
-    Attributes:
-        method: 0x6098 per axis. 37 takes the place where the machine stands as known; 17, 18
-            search a limit switch, 33, 34 an index pulse; 1 to 14 and negative ones are passed on.
-        switch_position: Where the carriage is when its switch or index pulse is met [mm]; not
-            used by method 37, which is told the place.
-        search_speed: 0x6099:1, towards the switch [mm/s].
-        creep_speed: 0x6099:2, at the switch or index pulse [mm/s].
-        acceleration: 0x609A [mm/s^2].
-        timeout: How long it may take [s].
-    """
-
-    method: tuple[int, int, int] = (37, 37, 37)
-    switch_position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    search_speed: float = 20.0
-    creep_speed: float = 5.0
-    acceleration: float = 500.0
-    timeout: float = 60.0
+    method: tuple[int, int, int] = setting(
+        (37, 37, 37),
+        "0x6098 per axis; 37 takes the place where the machine stands as known, 17 and "
+        "18 search a limit switch, 33 and 34 an index pulse; 1 to 14 and negative ones "
+        "are passed on",
+    )
+    switch_position: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0),
+        "where the carriage is when its switch or index pulse is met; not used by "
+        "method 37, which is told the place",
+        "mm",
+    )
+    search_speed: float = setting(20.0, "0x6099:1, towards the switch", "mm/s")
+    creep_speed: float = setting(5.0, "0x6099:2, at the switch or index pulse", "mm/s")
+    acceleration: float = setting(500.0, "0x609A", "mm/s^2")
+    timeout: float = setting(60.0, "how long it may take", "s")
 
     def __post_init__(self) -> None:
         store = object.__setattr__
@@ -47,36 +48,30 @@ class Homing:
         if 0 in self.method:
             raise ConfigError(f"method = {list(self.method)}: 0 finds no reference")
         store(self, "switch_position", rules.triple("switch_position", self.switch_position))
-        for key, unit in (
-            ("search_speed", "mm/s"),
-            ("creep_speed", "mm/s"),
-            ("acceleration", "mm/s^2"),
-            ("timeout", "s"),
-        ):
-            store(self, key, rules.positive(key, getattr(self, key), unit))
+        for key in ("search_speed", "creep_speed", "acceleration", "timeout"):
+            store(self, key, rules.positive(key, getattr(self, key), unit_of(Homing, key)))
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quirks:
-    """What one drive does in its own way; the defaults are the drive of firmware_interface/.
+    """What one drive does in its own way; the defaults are the drive of firmware_interface/."""
 
-    Attributes:
-        vendor_id: 0x1018:1 that the drive must have; 0 accepts any.
-        product_code: 0x1018:2 that the drive must have; 0 accepts any.
-        quick_stop_option: 0x605A: 6 brakes at 0x6085 and holds, 2 brakes and then powers off.
-        home_offset_sign: -1 for a drive that subtracts 0x607C where others add it.
-        setpoint_timer: Whether the drive has 0x1400:5, the time-out of setpoints.
-        absent: Indices of optional objects that the drive does not have; they are not written.
-        writes: Extra objects to write before power: [index, subindex, value, bytes].
-    """
-
-    vendor_id: int = 0
-    product_code: int = 0
-    quick_stop_option: int = 6
-    home_offset_sign: int = 1
-    setpoint_timer: bool = True
-    absent: tuple[int, ...] = ()
-    writes: tuple[tuple[int, int, int, int], ...] = ()
+    vendor_id: int = setting(0, "0x1018:1 that the drive must have; 0 accepts any")
+    product_code: int = setting(0, "0x1018:2 that the drive must have; 0 accepts any")
+    quick_stop_option: int = setting(
+        6, "0x605A: 6 brakes at 0x6085 and holds, 2 brakes and then powers off"
+    )
+    home_offset_sign: int = setting(1, "-1 for a drive that subtracts 0x607C where others add it")
+    setpoint_timer: bool = setting(
+        True, "whether the drive has 0x1400:5, the time-out of setpoints"
+    )
+    absent: tuple[int, ...] = setting(
+        (), "indices of optional objects that the drive does not have; they are not written"
+    )
+    writes: tuple[tuple[int, int, int, int], ...] = setting(
+        (), "extra objects to write before power: [index, subindex, value, bytes]"
+    )
 
     def __post_init__(self) -> None:
         for key in ("vendor_id", "product_code"):

@@ -8,64 +8,74 @@ from typing import Any
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
 from duoglide.machine.drive_quirks import Homing, Quirks
+from duoglide.machine.meaning import documented, setting, told, unit_of
 
 BIT_RATES = (125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
 _MOST_INCREMENTS = 2**32 - 1  # per s^2 in 0x6085
 _MOST_MILLISECONDS = 65.535  # 0x1017, 0x1400:5 and 0x6066 are 16-bit milliseconds [s]
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSettings:
     """The three linear-axis drives, in the order of the carriages.
-
-    Attributes:
-        node_ids: CANopen node numbers, 1 to 127, all different.
-        increments_per_mm: Position increments of the drive per mm, one value or three.
-        direction: +1 or -1, one or per axis: whether the drive counts along +y.
-        bit_rate: Bits per second on the bus.
-        cycle: SYNC period and setpoint period [s].
-        quick_stop_deceleration: 0x6085, what a drive brakes with by itself [mm/s^2]; no more than
-            its 32 bits hold, which is less than 60 m/s^2 above 71 582 increments per mm.
-        following_error_window: 0x6065 [mm].
-        following_error_time: 0x6066, how long the window may be left [s].
-        host_id: The host's own node number, in its heartbeat; not one of ``node_ids``.
-        heartbeat_period: How often the host and the drives (0x1017) send a heartbeat [s].
-        heartbeat_timeout: 0x1016 and the host's own watch: silence that means a loss [s].
-        setpoint_timeout: 0x1400:5: how long a drive waits for a setpoint before it gives up [s].
-            It goes on for one cycle and then brakes long before that; see
-            firmware_interface/README.md. Three cycles are granted in any case.
-        missing_frames: Feedback frames in a row that may be lost; one more is a fault.
-        late_cycles: Cycles in a row that the host may miss; one more is a fault.
-        boot_timeout: How long a drive may take to say anything at all [s].
-        sdo_timeout: How long a drive may take to answer one request [s].
-        sdo_retries: How often a request without an answer is sent again.
-        homing: How the position reference is found.
-        quirks: What each drive does in its own way, one table per axis.
 
     Raises:
         ConfigError: Names the key, the value and the rule.
     """
 
-    node_ids: tuple[int, int, int] = (1, 2, 3)
-    increments_per_mm: tuple[float, float, float] = (1000.0, 1000.0, 1000.0)
-    direction: tuple[int, int, int] = (1, 1, 1)
-    bit_rate: int = 1_000_000
-    cycle: float = 0.002
-    quick_stop_deceleration: tuple[float, float, float] = (60e3, 60e3, 60e3)
-    following_error_window: float = 15.0
-    following_error_time: float = 0.01
-    host_id: int = 127
-    heartbeat_period: float = 0.05
-    heartbeat_timeout: float = 0.25
-    setpoint_timeout: float = 0.02
-    missing_frames: int = 3
-    late_cycles: int = 5
-    boot_timeout: float = 5.0
-    sdo_timeout: float = 0.5
-    sdo_retries: int = 2
-    homing: Homing = field(default_factory=Homing)
+    node_ids: tuple[int, int, int] = setting(
+        (1, 2, 3), "CANopen node numbers, 1 to 127, all different"
+    )
+    increments_per_mm: tuple[float, float, float] = setting(
+        (1000.0, 1000.0, 1000.0),
+        "position increments of the drive per mm, one value or three",
+        "increments/mm",
+    )
+    direction: tuple[int, int, int] = setting(
+        (1, 1, 1), "+1 or -1, one or per axis: whether the drive counts along +y"
+    )
+    bit_rate: int = setting(1_000_000, "of the bus", "bit/s")
+    cycle: float = setting(0.002, "SYNC period and setpoint period", "s")
+    quick_stop_deceleration: tuple[float, float, float] = setting(
+        (60e3, 60e3, 60e3),
+        "0x6085, what a drive brakes with by itself; no more than its 32 bits hold, "
+        "which is less than 60 m/s^2 above 71 582 increments per mm",
+        "mm/s^2",
+    )
+    following_error_window: float = setting(15.0, "0x6065", "mm")
+    following_error_time: float = setting(0.01, "0x6066, how long the window may be left", "s")
+    host_id: int = setting(127, "the host's own node number, in its heartbeat; not one of node_ids")
+    heartbeat_period: float = setting(
+        0.05, "how often the host and the drives (0x1017) send a heartbeat", "s"
+    )
+    heartbeat_timeout: float = setting(
+        0.25, "0x1016 and the host's own watch: silence that means a loss", "s"
+    )
+    setpoint_timeout: float = setting(
+        0.02,
+        "0x1400:5, how long a drive waits for a setpoint before it gives up, and three "
+        "cycles in any case; it goes on for one cycle and then brakes long before "
+        "that, see firmware_interface/README.md",
+        "s",
+    )
+    missing_frames: int = setting(
+        3, "feedback frames in a row that may be lost; one more is a fault"
+    )
+    late_cycles: int = setting(5, "cycles in a row that the host may miss; one more is a fault")
+    boot_timeout: float = setting(5.0, "how long a drive may take to say anything at all", "s")
+    sdo_timeout: float = setting(0.5, "how long a drive may take to answer one request", "s")
+    sdo_retries: int = setting(2, "how often a request without an answer is sent again")
+    homing: Homing = field(
+        default_factory=Homing,
+        metadata=told("how the position reference is found (CiA 402 homing mode)"),
+    )
     quirks: tuple[Quirks, Quirks, Quirks] = field(
-        default_factory=lambda: (Quirks(), Quirks(), Quirks())
+        default_factory=lambda: (Quirks(), Quirks(), Quirks()),
+        metadata=told(
+            "what each drive does in its own way, one table per axis; the defaults are the "
+            "drive of firmware_interface/"
+        ),
     )
 
     def __post_init__(self) -> None:
@@ -95,10 +105,8 @@ class DriveSettings:
             raise ConfigError(f"bit_rate = {self.bit_rate!r}: must be one of {allowed} bit/s")
 
     def _check_scale(self) -> None:
-        for key, unit in (
-            ("increments_per_mm", "increments/mm"),
-            ("quick_stop_deceleration", "mm/s^2"),
-        ):
+        for key in ("increments_per_mm", "quick_stop_deceleration"):
+            unit = unit_of(DriveSettings, key)
             self._store(**{key: rules.per_carriage(key, getattr(self, key), unit)})
         first, second, third = (
             min(wish, _MOST_INCREMENTS / fineness)

@@ -8,6 +8,7 @@ from typing import Any
 
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
+from duoglide.machine.meaning import documented, setting
 
 _ANY_SIGN = ("riser_height", "arm_drop", "strut_drop", "carriage_height", "platform_half_width")
 
@@ -24,38 +25,30 @@ class Remembering:
     pose_constants: dict[int, Any]
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Geometry(Remembering):
     """Dimensions of the robot [mm]; Table 1 of [Shen2021]_ by default.
-
-    Attributes:
-        rail_half_length: a, half the length of a rail; the carriages' travel is +-a.
-        rail_half_spacing: b, half the distance between the rails (rail I at x = +b).
-        platform_half_width: d, half the width ST of the platform.
-        carriage_height: l1, height of the joints B over the rail.
-        leg_length: l2, the legs B1C1 and B2C2.
-        coupler_length: l3, the coupler C1C2.
-        riser_height: l4, the riser D1D2.
-        arm_length: l6, the arm D2E2, long side of parallelogram 1.
-        arm_drop: l7, height of the platform over E2.
-        strut_drop: l8, height of the platform over C3.
-        strut_length: l9, the strut B3C3, long side of parallelogram 2.
 
     Raises:
         ConfigError: A length is not a finite number, breaks its sign, or the links cannot close.
     """
 
-    rail_half_length: float = 360.0
-    rail_half_spacing: float = 90.0
-    platform_half_width: float = 45.0
-    carriage_height: float = 70.0
-    leg_length: float = 160.0
-    coupler_length: float = 120.0
-    riser_height: float = 0.0
-    arm_length: float = 180.0
-    arm_drop: float = 0.0
-    strut_drop: float = 0.0
-    strut_length: float = 300.0
+    rail_half_length: float = setting(
+        360.0, "a, half the length of a rail; the carriages' travel is +-a", "mm"
+    )
+    rail_half_spacing: float = setting(
+        90.0, "b, half the distance between the rails (rail I at x = +b)", "mm"
+    )
+    platform_half_width: float = setting(45.0, "d, half the width ST of the platform", "mm")
+    carriage_height: float = setting(70.0, "l1, height of the joints B over the rail", "mm")
+    leg_length: float = setting(160.0, "l2, the legs B1C1 and B2C2", "mm")
+    coupler_length: float = setting(120.0, "l3, the coupler C1C2", "mm")
+    riser_height: float = setting(0.0, "l4, the riser D1D2", "mm")
+    arm_length: float = setting(180.0, "l6, the arm D2E2, long side of parallelogram 1", "mm")
+    arm_drop: float = setting(0.0, "l7, height of the platform over E2", "mm")
+    strut_drop: float = setting(0.0, "l8, height of the platform over C3", "mm")
+    strut_length: float = setting(300.0, "l9, the strut B3C3, long side of parallelogram 2", "mm")
 
     def __post_init__(self) -> None:
         for field in fields(self):

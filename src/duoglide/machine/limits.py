@@ -9,27 +9,33 @@ import numpy as np
 
 from duoglide.arrays import FloatArray, read_only
 from duoglide.machine import rules
+from duoglide.machine.meaning import documented, told, unit_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CarriageLimits:
     """Limits of the three carriages, each a scalar or one value per carriage.
-
-    Attributes:
-        velocity: [mm/s], stored as a read-only array of shape (3,).
-        acceleration: [mm/s^2], shape (3,).
-        jerk: [mm/s^3], shape (3,).
 
     Raises:
         ConfigError: A value is not finite and above zero.
     """
 
-    velocity: FloatArray = field(default_factory=lambda: np.full(3, 4000.0))
-    acceleration: FloatArray = field(default_factory=lambda: np.full(3, 60e3))
-    jerk: FloatArray = field(default_factory=lambda: np.full(3, 3e6))
+    velocity: FloatArray = field(
+        default_factory=lambda: np.full(3, 4000.0),
+        metadata=told("the largest velocity, one for all carriages or one for each", "mm/s"),
+    )
+    acceleration: FloatArray = field(
+        default_factory=lambda: np.full(3, 60e3),
+        metadata=told("the largest acceleration, likewise", "mm/s^2"),
+    )
+    jerk: FloatArray = field(
+        default_factory=lambda: np.full(3, 3e6),
+        metadata=told("the largest jerk, likewise", "mm/s^3"),
+    )
 
     if TYPE_CHECKING:  # a scalar or a list is as welcome as an array
 
@@ -42,8 +48,8 @@ class CarriageLimits:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        for name, unit in (("velocity", "mm/s"), ("acceleration", "mm/s^2"), ("jerk", "mm/s^3")):
-            values = rules.per_carriage(name, getattr(self, name), unit)
+        for name in ("velocity", "acceleration", "jerk"):
+            values = rules.per_carriage(name, getattr(self, name), unit_of(CarriageLimits, name))
             object.__setattr__(self, name, read_only(np.array(values)))
 
     def _key(self) -> bytes:

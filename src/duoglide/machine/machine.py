@@ -17,6 +17,7 @@ from duoglide.machine.drive_quirks import Homing, Quirks
 from duoglide.machine.drive_settings import DriveSettings
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits, DerivedLimits
+from duoglide.machine.meaning import documented, setting, told
 from duoglide.machine.toml_read import decoded, read_tables
 
 _TABLES = {
@@ -28,38 +29,52 @@ _TABLES = {
 _INNER_TABLES = {"keep_out": Box, "drives.homing": Homing, "drives.quirks": Quirks}
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
     """A machine: its mechanism, what its carriages may do, its drives and its surroundings.
-
-    Attributes:
-        geometry: Dimensions of the mechanism.
-        limits: What a plan may ask of the carriages.
-        stop_limits: What a stop on the path may ask; at least ``limits`` everywhere. Left out, it
-            follows ``limits``: 1.5 times the acceleration and jerk.
-        drives: The three drives.
-        clearance: Distance to keep from every singular surface and edge of reach [mm].
-        carriage_width: Distance that carriages 1 and 2 keep from each other [mm].
-        home_position: Platform position at which homing by method 37 is done [mm]; None: the
-            deepest point of the workspace.
-        tool_offset: From the platform's centre to the tool's tip [mm].
-        work_frame: Origin of the program's coordinates in the base frame [mm].
-        keep_out: Boxes that the platform's centre stays out of.
 
     Raises:
         ConfigError: Names the key, the value and the rule.
     """
 
-    geometry: Geometry = field(default_factory=Geometry)
-    limits: CarriageLimits = field(default_factory=CarriageLimits)
-    stop_limits: CarriageLimits = field(default_factory=DerivedLimits)
-    drives: DriveSettings = field(default_factory=DriveSettings)
-    clearance: float = 2.0
-    carriage_width: float = 60.0
-    home_position: tuple[float, float, float] | None = None
-    tool_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    work_frame: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    keep_out: tuple[Box, ...] = ()
+    geometry: Geometry = field(
+        default_factory=Geometry,
+        metadata=told("dimensions of the mechanism; by default those of Table 1 of [Shen2021]"),
+    )
+    limits: CarriageLimits = field(
+        default_factory=CarriageLimits, metadata=told("what a plan may ask of the carriages")
+    )
+    stop_limits: CarriageLimits = field(
+        default_factory=DerivedLimits,
+        metadata=told(
+            "what a stop on the path may ask, at least limits everywhere; left out, it "
+            "follows limits: 1.5 times the acceleration and jerk"
+        ),
+    )
+    drives: DriveSettings = field(
+        default_factory=DriveSettings,
+        metadata=told("the three drives, in the order of the carriages"),
+    )
+    clearance: float = setting(
+        2.0, "distance to keep from every singular surface and edge of reach", "mm"
+    )
+    carriage_width: float = setting(
+        60.0, "distance that carriages 1 and 2 keep from each other", "mm"
+    )
+    home_position: tuple[float, float, float] | None = setting(
+        None,
+        "platform position at which homing by method 37 is done; left out, the deepest "
+        "point of the workspace",
+        "mm",
+    )
+    tool_offset: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0), "from the platform's centre to the tool's tip", "mm"
+    )
+    work_frame: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0), "origin of the program's coordinates in the base frame", "mm"
+    )
+    keep_out: tuple[Box, ...] = setting((), "boxes that the platform's centre stays out of")
 
     def __post_init__(self) -> None:
         store = object.__setattr__

@@ -11,6 +11,7 @@ import numpy as np
 
 from duoglide.arrays import as_floats, as_number
 from duoglide.errors import ConfigError, InputError
+from duoglide.machine.meaning import phrases
 
 T = TypeVar("T")
 
@@ -93,10 +94,13 @@ def build(kind: type[T], table: object, prefix: str) -> T:
         raise ConfigError(f"{prefix} = {table!r}: must be a table")
     dot = f"{prefix}." if prefix else ""
     names = [field.name for field in fields(kind)]  # type: ignore[arg-type]  # a dataclass
+    meaning = {name: f" ({words})" for name, words in phrases(kind).items()}
     for key in table:
         if key not in names:
             near = difflib.get_close_matches(key, names, 1)
-            hint = f"; did you mean {dot}{near[0]}?" if near else f"; known: {', '.join(names)}"
+            hint = f"; known: {', '.join(names)}"
+            if near:
+                hint = f"; did you mean {dot}{near[0]}?{meaning.get(near[0], '')}"
             raise ConfigError(f"{dot}{key}: no such key{hint}")
     for field in fields(kind):  # type: ignore[arg-type]  # a dataclass
         if (
@@ -104,7 +108,8 @@ def build(kind: type[T], table: object, prefix: str) -> T:
             and field.default_factory is MISSING
             and field.name not in table
         ):
-            raise ConfigError(f"{dot}{field.name}: missing; it has no default")
+            words = meaning.get(field.name, "")
+            raise ConfigError(f"{dot}{field.name}: missing; it has no default{words}")
     arguments: dict[str, Any] = dict(table)
     try:
         return kind(**arguments)

@@ -1,7 +1,4 @@
-"""A machine as a file to read and change: TOML with what each key means beside it.
-
-The words are those of the docstrings, so that they cannot drift.
-"""
+"""A machine as a file to read and change: TOML with what each key means beside it."""
 
 from __future__ import annotations
 
@@ -9,6 +6,8 @@ import re
 import textwrap
 from collections.abc import Mapping
 from typing import Any
+
+from duoglide.machine.meaning import phrases, sentence
 
 WIDTH = 100
 HEAD = """\
@@ -19,8 +18,6 @@ HEAD = """\
 _ARRAY = re.compile(r"= \[\n((?: {4}[^\[\]{}\n]*,\n)+)\]$", re.M)
 _HEADING = re.compile(r"\[+([a-z_.]+)\]+$")
 _KEY = re.compile(r"([a-z_]+) = ")
-_SHAPE = re.compile(r", (?:stored as a read-only array of )?shape \([^)]*\)")
-_ENTRY = re.compile(r"^ {8}(\w+): (.*(?:\n {12}.*)*)", re.M)
 
 
 def commented(tables: Mapping[str, Any], kinds: Mapping[str, type]) -> str:
@@ -28,24 +25,26 @@ def commented(tables: Mapping[str, Any], kinds: Mapping[str, type]) -> str:
 
     Args:
         tables: What the file shall hold.
-        kinds: The class whose docstring explains the keys of a table, by the table's heading; of
+        kinds: The dataclass whose fields are the keys of a table, by the table's heading; that of
             the keys before the first heading, under the empty name.
     """
     import tomli_w
 
+    meaning = {heading: phrases(kind) for heading, kind in kinds.items()}
     text = _ARRAY.sub(_on_one_line, tomli_w.dumps(tables))
-    lines, words, seen = [HEAD.rstrip("\n"), ""], _words(kinds.get("")), set[str]()
-    lines += _left_out(tables, kinds)
+    lines, words, seen = [HEAD.rstrip("\n"), ""], meaning.get("", {}), set[str]()
+    lines += _left_out(tables, meaning)
     for line in text.splitlines():
         if heading := _HEADING.match(line):
             name = heading[1]
-            again, kind = name in seen, kinds.get(name)
-            words = {} if again else _words(kind)
+            again = name in seen
+            words = {} if again else meaning.get(name, {})
             seen.add(name)
             lines.append(line)
-            if kind is not None and not again:
-                lines += _comment((kind.__doc__ or "").split("\n", 1)[0])
-        elif (key := _KEY.match(line)) and (word := words.get(key[1])):
+            outer, _, key = name.rpartition(".")
+            if not again and key in meaning.get(outer, {}):
+                lines += _comment(sentence(meaning[outer][key]))
+        elif (key_of := _KEY.match(line)) and (word := words.get(key_of[1])):
             beside = f"{line}  # {word}"
             lines += [beside] if len(beside) <= WIDTH else [*_comment(word), line]
         else:
@@ -59,27 +58,16 @@ def _on_one_line(array: re.Match[str]) -> str:
     return f"= [{items}]" if len(items) < WIDTH // 2 else array[0]
 
 
-def _words(kind: type | None) -> dict[str, str]:
-    """Return what the docstring of a class says of each attribute."""
-    found = _ENTRY.findall((kind.__doc__ or "").split("Raises:")[0]) if kind else []
-    return {name: _plain(" ".join(text.split())).removesuffix(".") for name, text in found}
-
-
-def _left_out(tables: Mapping[str, Any], kinds: Mapping[str, type]) -> list[str]:
+def _left_out(tables: Mapping[str, Any], meaning: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Tell of the keys and tables that the file could hold and does not."""
     lines = []
-    for name, word in _words(kinds.get("")).items():
+    for name, word in meaning.get("", {}).items():
         if name in tables:
             continue
-        inner = f"[{name}] with {', '.join(_words(kinds[name]))}" if name in kinds else name
-        lines += _comment(f"Not given here, {inner}: {word.replace('None:', 'left out,')}")
+        inner = f"[{name}] with {', '.join(meaning[name])}" if name in meaning else name
+        lines += _comment(f"Not given here, {inner}: {word}")
     return [*lines, ""] if lines else []
 
 
 def _comment(text: str) -> list[str]:
-    return textwrap.wrap(_plain(text), WIDTH, initial_indent="# ", subsequent_indent="# ")
-
-
-def _plain(text: str) -> str:
-    """Take away what only Sphinx and numpy need."""
-    return _SHAPE.sub("", text.replace("]_", "]").replace("``", ""))
+    return textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="# ")

@@ -29,6 +29,12 @@ if TYPE_CHECKING:
     from duoglide.motion.checked import CheckedPath, LeastMargin
     from duoglide.motion.path import Path as MotionPath
 
+_HELP = """\
+Explain a path in words: reach, rails, order of the carriages, room to every singularity.
+
+A path that the machine cannot follow is refused with where, what and by how much; the picture
+marks the place.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -53,7 +59,7 @@ _MEANING = {
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("check", epilog=_EXAMPLE)(check)
+    app.command("check", help=_HELP, epilog=_EXAMPLE)(check)
 
 
 def check(
@@ -71,11 +77,7 @@ def check(
     machine: MachineFile = None,
     as_json: Json = False,
 ) -> None:
-    """Explain a path in words: reach, rails, order of the carriages, room to every singularity.
-
-    A path that the machine cannot follow is refused with where, what and by how much; the picture
-    marks the place.
-    """
+    """Explain a path in words: reach, rails, order of the carriages, room to every singularity."""
     require_picture(picture)
     described = load_machine(machine)
     reading = read_path(

@@ -27,6 +27,12 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 _PICK, _PLACE, _LIFT = (-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0), 25.0
 _TRIES = 3
+_HELP = """\
+Plan, stream, log and replay a pick-and-place cycle on three simulated drives.
+
+The standard cycle, 25/305/25 mm there and back. Writes plan.mcap, run.mcap and demo.png; no
+hardware, no other program.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -76,7 +82,7 @@ class _Tries:
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("demo", epilog=_EXAMPLE)(demo)
+    app.command("demo", help=_HELP, epilog=_EXAMPLE)(demo)
 
 
 def demo(
@@ -84,11 +90,7 @@ def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path(),
     as_json: Json = False,
 ) -> None:
-    """Plan, stream, log and replay a pick-and-place cycle on three simulated drives.
-
-    The standard cycle, 25/305/25 mm there and back. Writes plan.mcap, run.mcap and demo.png; no
-    hardware, no other program.
-    """
+    """Plan, stream, log and replay a pick-and-place cycle on three simulated drives."""
     described = load_machine(machine)
     out.mkdir(parents=True, exist_ok=True)
     files = _Files(out / "plan.mcap", out / "run.mcap", out / "demo.png")

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from duoglide.drives.simulated import SimulatedDrives
     from duoglide.drives.simulation.scenario import Scenario
 
+_HELP = """\
+Run three simulated CiA 402 drives for somebody else to move; Ctrl-C or SIGTERM ends them.
+
+With --bus virtual a hub is opened on the loopback, and its name printed for --bus elsewhere.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -30,7 +35,7 @@ _WATCH = 0.02  # [s] the same, as long as a fault is to come
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("drives", epilog=_EXAMPLE)(drives)
+    app.command("drives", help=_HELP, epilog=_EXAMPLE)(drives)
 
 
 def drives(
@@ -45,10 +50,7 @@ def drives(
         ),
     ] = None,
 ) -> None:
-    """Run three simulated CiA 402 drives for somebody else to move; Ctrl-C or SIGTERM ends them.
-
-    With --bus virtual a hub is opened on the loopback, and its name printed for --bus elsewhere.
-    """
+    """Run three simulated CiA 402 drives for somebody else to move; Ctrl-C or SIGTERM ends them."""
     described = load_machine(machine)
     from duoglide.drives.simulated import SimulatedDrives
     from duoglide.drives.simulation.scenario import Scenario

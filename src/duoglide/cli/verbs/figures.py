@@ -10,6 +10,9 @@ import typer
 from duoglide.cli.console import progress, say, say_json
 from duoglide.cli.options import Json, MachineFile, load_machine
 
+_HELP = """\
+Draw the paper's figures for a machine: PDF, PNG, captions, and a page to turn them on.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -21,7 +24,7 @@ duoglide figures pictures --machine cell.toml
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("figures", epilog=_EXAMPLE)(figures)
+    app.command("figures", help=_HELP, epilog=_EXAMPLE)(figures)
 
 
 def figures(

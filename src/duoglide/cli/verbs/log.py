@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from duoglide.playback.summary import LogSummary, RunSummary
     from duoglide.storage import Log
 
+_HELP = """\
+Summarise a log: events, following error, lateness; or export or compare it.
+
+A log that was killed or damaged is read up to its last whole record.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -32,7 +37,7 @@ duoglide log run.mcap --compare again.mcap
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("log", epilog=_EXAMPLE)(log)
+    app.command("log", help=_HELP, epilog=_EXAMPLE)(log)
 
 
 def log(
@@ -67,10 +72,7 @@ def log(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Summarise a log: events, following error, lateness; or export or compare it.
-
-    A log that was killed or damaged is read up to its last whole record.
-    """
+    """Summarise a log: events, following error, lateness; or export or compare it."""
     require_place(csv, parquet, candump, foxglove, reads=file)
     require_picture(picture)
     from duoglide.storage import read_log

@@ -14,6 +14,11 @@ from duoglide.errors import ConfigError
 if TYPE_CHECKING:
     from duoglide.machine import Machine
 
+_HELP = """\
+Check a machine file and say what it means, or write one to begin with.
+
+Errors name the key, the value and the rule.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -25,7 +30,7 @@ duoglide machine cell.toml
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("machine", epilog=_EXAMPLE)(machine)
+    app.command("machine", help=_HELP, epilog=_EXAMPLE)(machine)
 
 
 def machine(
@@ -39,10 +44,7 @@ def machine(
     force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Check a machine file and say what it means, or write one to begin with.
-
-    Errors name the key, the value and the rule.
-    """
+    """Check a machine file and say what it means, or write one to begin with."""
     described = load_machine(file)
     if out is not None:
         if out.exists() and not force:

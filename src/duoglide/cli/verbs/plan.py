@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from duoglide.motion.audit import Audit
     from duoglide.motion.trajectory import Trajectory
 
+_HELP = """\
+Check a path, time it near its optimum under the carriages' limits, and write the plan.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -41,7 +44,7 @@ duoglide plan program.toml --machine cell.toml --picture plan.png
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("plan", epilog=_EXAMPLE)(plan)
+    app.command("plan", help=_HELP, epilog=_EXAMPLE)(plan)
 
 
 def plan(

@@ -21,6 +21,12 @@ from duoglide.cli.outputs import require_place
 from duoglide.cli.powered import View, page_beside, under_power
 from duoglide.errors import InputError
 
+_HELP = """\
+Check a recorded run against the machine again, and stream it again: the same setpoints.
+
+Raw frames are sent one by one with the timing that they have, when all of them have been read;
+what they ask of the drives is not checked.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -34,7 +40,7 @@ duoglide replay frames.log --bus socketcan:vcan0
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("replay", epilog=_EXAMPLE)(replay)
+    app.command("replay", help=_HELP, epilog=_EXAMPLE)(replay)
 
 
 def replay(
@@ -64,11 +70,7 @@ def replay(
     machine: MachineFile = None,
     as_json: Json = False,
 ) -> None:
-    """Check a recorded run against the machine again, and stream it again: the same setpoints.
-
-    Raw frames are sent one by one with the timing that they have, when all of them have been read;
-    what they ask of the drives is not checked.
-    """
+    """Check a recorded run against the machine again, and stream it again: the same setpoints."""
     factor = override_factor(override) if override is not None else None
     require_place(log)
     from duoglide.playback.can_log import SUFFIXES

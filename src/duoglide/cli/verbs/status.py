@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from duoglide.drives.listen import Overheard
     from duoglide.machine import DriveSettings, Machine
 
+_HELP = """\
+Identify and configure the three drives of a bus, and say how they are; nothing gets power.
+
+The first thing to try with real drives. Where another host moves them, it only listens to what
+they say, and sends nothing.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -25,15 +31,11 @@ duoglide status --json
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("status", epilog=_EXAMPLE)(status)
+    app.command("status", help=_HELP, epilog=_EXAMPLE)(status)
 
 
 def status(bus: Bus = "virtual", machine: MachineFile = None, as_json: Json = False) -> None:
-    """Identify and configure the three drives of a bus, and say how they are; nothing gets power.
-
-    The first thing to try with real drives. Where another host moves them, it only listens to what
-    they say, and sends nothing.
-    """
+    """Identify and configure the drives of a bus, and say how they are; nothing gets power."""
     described = load_machine(machine)
     overheard = _listen(described, bus)
     if overheard is not None:

@@ -21,6 +21,11 @@ from duoglide.cli.outputs import require_place
 from duoglide.cli.powered import View, page_beside, under_power
 from duoglide.errors import LogError
 
+_HELP = """\
+Bring up the drives of a bus and stream a plan to them.
+
+Ctrl-C and SIGTERM stop along the path, close the log and switch off.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -34,7 +39,7 @@ duoglide stream plan.mcap --approach --override 5 --view 8080
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("stream", epilog=_EXAMPLE)(stream)
+    app.command("stream", help=_HELP, epilog=_EXAMPLE)(stream)
 
 
 def stream(
@@ -50,10 +55,7 @@ def stream(
     machine: MachineFile = None,
     as_json: Json = False,
 ) -> None:
-    """Bring up the drives of a bus and stream a plan to them.
-
-    Ctrl-C and SIGTERM stop along the path, close the log and switch off.
-    """
+    """Bring up the drives of a bus and stream a plan to them."""
     factor = override_factor(override)
     require_place(log)
     from duoglide.motion.trajectory import Trajectory

@@ -15,6 +15,10 @@ from duoglide.storage import read_log
 if TYPE_CHECKING:
     from duoglide.viewer.join import JoinedRobot
 
+_HELP = r"""Serve the live 3D page: the mechanism, plans and logs, and the running machine.
+
+Needs the extra: pip install "duoglide\[view]". Ctrl-C ends it, and stops the machine first.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -28,7 +32,7 @@ duoglide view --join
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("view", epilog=_EXAMPLE)(view)
+    app.command("view", help=_HELP, epilog=_EXAMPLE)(view)
 
 
 def view(
@@ -53,10 +57,7 @@ def view(
     ] = None,
     machine: MachineFile = None,
 ) -> None:
-    r"""Serve the live 3D page: the mechanism, plans and logs, and the running machine.
-
-    Needs the extra: pip install "duoglide\[view]". Ctrl-C ends it, and stops the machine first.
-    """
+    """Serve the live 3D page: the mechanism, plans and logs, and the running machine."""
     drives = _joined(pid) if join or pid is not None else bus
     described = load_machine(machine) if isinstance(drives, str) else drives.machine
     if file is not None:

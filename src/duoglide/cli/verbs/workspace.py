@@ -14,6 +14,9 @@ from duoglide.cli.outputs import require_picture
 if TYPE_CHECKING:
     from duoglide.kinematics.workspace import WorkspaceReport
 
+_HELP = """\
+Measure the workspace: its size, the largest free box, the deepest and the best pose.
+"""
 _EXAMPLE = """\
 Examples:
 
@@ -25,7 +28,7 @@ duoglide workspace --machine cell.toml --picture workspace.png
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("workspace", epilog=_EXAMPLE)(workspace)
+    app.command("workspace", help=_HELP, epilog=_EXAMPLE)(workspace)
 
 
 def workspace(
