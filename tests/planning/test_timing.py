@@ -9,6 +9,7 @@ import ruckig
 import duoglide as dg
 from duoglide.motion.blend import Blend
 from duoglide.motion.carriage_path import map_to_carriages
+from duoglide.motion.curve import Curve
 from duoglide.planning.timed_curve import TimedCurve
 from duoglide.planning.timing import time_path
 from duoglide.planning.timing_span import Effort, time_span
@@ -230,6 +231,27 @@ def test_compiled_motion_agrees_with_the_carriage_path() -> None:
             axis=1,
         )
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("link", "end"), [("arm", (320, 0, 80)), ("legs", (-41, 0, 40)), ("strut", (-41, 0, 520))]
+)
+def test_compiled_motion_is_refused_from_where_a_link_is_too_short(
+    link: str, end: tuple[float, float, float]
+) -> None:
+    longer = {"strut_length": 500.0, "leg_length": 250.0} if link == "arm" else {}
+    geometry = dg.Geometry(**longer)
+    machine = dg.Machine(geometry=geometry)
+    start = np.array([-41.0, 0.0, 302.0])
+    line = np.array([start, end - start, np.zeros(3)])
+    curve = Curve([float(np.linalg.norm(line[1]))], [0.0], [line])
+    sigma = np.linspace(0.0, curve.end, 301)
+    beyond = sigma[~dg.reachable(geometry, curve.position(sigma))]
+    with pytest.raises(dg.UnreachableError, match=f"the {link} "):
+        dg.inverse(geometry, curve.position(beyond[:1]))
+    motion = np.column_stack([sigma, np.ones((301, 3))])
+    with pytest.raises(dg.UnreachableError, match=f"sigma = {beyond[0]:.6g} mm"):
+        TimedCurve(machine, curve).motion(motion, np.zeros(301, dtype=np.intp))
 
 
 def test_compiled_cells_are_the_profile_and_lie_in_one_piece_of_the_curve_each() -> None:
