@@ -335,14 +335,14 @@ def test_smoothness_without_a_number_is_that_of_the_program_and_says_so() -> Non
 
 
 @pytest.mark.parametrize("letter", "NOGMXIJKRFPSQLTEH")
-@pytest.mark.parametrize("sign", ["", "-", "+"])
-@pytest.mark.parametrize("digits", ["9" * 400, "9" * 400 + ".5", "0." + "9" * 5000, "." + "9" * 40])
-def test_no_number_is_too_long_for_a_clear_answer(letter: str, sign: str, digits: str) -> None:
-    for text in (f"M62 {letter}{sign}{digits}", f"G2 X5 R5 {letter}{sign}{digits}"):
-        try:
-            read_gcode(CIRCLE + text + "\nG1 X7")
-        except dg.InputError as error:
-            assert len(str(error)) < 400
+def test_no_number_is_too_long_for_a_clear_answer(letter: str) -> None:
+    nines = "9" * 400
+    for digits in (nines, nines + ".5", "0." + nines, "." + nines, "-" + nines, "+" + 9 * nines):
+        for text in (f"M62 {letter}{digits}", f"G2 X5 R5 {letter}{digits}"):
+            try:
+                read_gcode(CIRCLE + text + "\nG1 X7")
+            except dg.InputError as error:
+                assert len(str(error)) < 400
 
 
 def test_the_line_with_four_hundred_digits_is_named() -> None:
