@@ -127,6 +127,7 @@ class Reached:
             monitoring.register_callback(monitoring.COVERAGE_ID, monitoring.events.LINE, self._line)
             monitoring.set_events(monitoring.COVERAGE_ID, monitoring.events.LINE)
         else:
+            self._before = sys.gettrace()
             sys.settrace(self._call)
         return self
 
@@ -137,7 +138,7 @@ class Reached:
             monitoring.free_tool_id(monitoring.COVERAGE_ID)
             monitoring.restart_events()
         else:
-            sys.settrace(None)
+            sys.settrace(self._before)
 
     def _line(self, code: CodeType, line: int) -> Any:
         if any(part in code.co_filename for part in self._parts):

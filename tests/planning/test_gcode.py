@@ -168,7 +168,7 @@ def test_a_nearly_closed_arc_goes_round_about_its_centre() -> None:
 def test_thousands_of_nearly_closed_arcs_keep_to_their_circle() -> None:
     rng = np.random.default_rng(9)
     worst, count = 0.0, 0
-    for _ in range(1000):
+    for _ in range(400):
         radius, angle = rng.uniform(1.0, 100.0), rng.uniform(0.0, 2.0 * pi)
         gap = rng.uniform(-0.005, 0.005) / radius
         centre = rng.uniform(-50.0, 50.0, 2).round(3)
@@ -193,7 +193,7 @@ def test_thousands_of_nearly_closed_arcs_keep_to_their_circle() -> None:
         away = curve.position(np.linspace(0.0, curve.end, 50))[:, :2] - start - offset
         worst = max(worst, np.abs(np.hypot(*away.T) - size).max())
         count += exact > pi
-    assert count > 300
+    assert count > 100
     assert worst < 0.002
 
 
