@@ -21,7 +21,7 @@ NUMBERS = (
 PIECES = (
     *(b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\xfc", b"\x85", b"\x1a", b"\r", b"\r\n", b"\n", b"\t"),
     *("\u0661".encode(), "\u2028".encode(), "\u2212".encode(), b" ", b",", b";", b'"', b"'", b"#"),
-    *(b"[" * 2000, b"{a=" * 500, b"a." * 2000 + b"b=1\n", b"(", b")", b"%", b"*71", b"/", b"-"),
+    *(b"[" * 2000, b"{a=" * 500, b"a." * 300 + b"b=1\n", b"(", b")", b"%", b"*71", b"/", b"-"),
 )
 _NUMBER = re.compile(rb"[-+]?[0-9][0-9.]*")
 _TOKEN = re.compile(rb"[A-Za-z_]+|[-+]?[0-9][0-9.]*|\s+|.", re.DOTALL)
