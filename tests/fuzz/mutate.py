@@ -21,7 +21,7 @@ NUMBERS = (
 PIECES = (
     *(b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\xfc", b"\x85", b"\x1a", b"\r", b"\r\n", b"\n", b"\t"),
     *("\u0661".encode(), "\u2028".encode(), "\u2212".encode(), b" ", b",", b";", b'"', b"'", b"#"),
-    *(b"[" * 2000, b"{a=" * 500, b"a." * 2000 + b"b=1\n", b"(", b")", b"%", b"*71", b"/", b"-"),
+    *(b"[" * 2000, b"{a=" * 500, b"a." * 300 + b"b=1\n", b"(", b")", b"%", b"*71", b"/", b"-"),
 )
 _NUMBER = re.compile(rb"[-+]?[0-9][0-9.]*")
 _TOKEN = re.compile(rb"[A-Za-z_]+|[-+]?[0-9][0-9.]*|\s+|.", re.DOTALL)
@@ -127,6 +127,7 @@ class Reached:
             monitoring.register_callback(monitoring.COVERAGE_ID, monitoring.events.LINE, self._line)
             monitoring.set_events(monitoring.COVERAGE_ID, monitoring.events.LINE)
         else:
+            self._before = sys.gettrace()
             sys.settrace(self._call)
         return self
 
@@ -137,7 +138,7 @@ class Reached:
             monitoring.free_tool_id(monitoring.COVERAGE_ID)
             monitoring.restart_events()
         else:
-            sys.settrace(None)
+            sys.settrace(self._before)
 
     def _line(self, code: CodeType, line: int) -> Any:
         if any(part in code.co_filename for part in self._parts):

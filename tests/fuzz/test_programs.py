@@ -20,7 +20,7 @@ from duoglide.planning.programs import read_program
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from mutate import Outcome, Target, fuzz
 
-COUNT = 250
+COUNT = 150
 GCODE = (
     b"%\nN10 G21 G90 (x)\nG0 X0 Y0 Z300\nG1 Y10 F600 ; y\nG2 X10 Y0 I5 J-5\nG3 X20 R8 Z301\n"
     b"G4 P0.5\nM64 P16\nG91 G1 X1\nG64 P0.2\nM66 P1 L3 Q2\nG61\nG80\nG1 G18 X2\nG2 K3\nM30\n%\n",

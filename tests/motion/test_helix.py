@@ -122,6 +122,7 @@ def test_plain_values_give_the_very_same_helix(helix: Helix) -> None:
     [
         ({"sweep": 0.0}, "sweep of 0 rad"),
         ({"sweep": float("nan")}, "sweep of nan rad"),
+        ({"sweep": 1e300}, r"sweep of 1e\+300 rad"),
         ({"axis": (0.0, 0.0, 2.0)}, "length 1"),
         ({"centre": (10.0, 0.0, 300.0)}, "is its start"),
         ({"centre": (0.0, 0.0, 301.0)}, "1 mm along the axis"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, hypot, isfinite, sin
+from math import cos, hypot, sin
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,6 +20,7 @@ ROUGH = 0.005  # [mm], by which an arc's radii at both ends may differ: files ro
 ROUGH_SHARE = 0.001  # or by this share of the radius,
 ROUGHEST = 0.5  # [mm], but never by more than this; all three as in grbl
 _COLLINEAR = 1e-9  # [mm]; an arc that bulges less than this is a line
+_MOST_SWEEP = 1e5  # [rad]; 16 000 turns, and the angle keeps ten digits
 _UNIT = 1e-9  # by which the length of an axis may differ from 1
 Point: TypeAlias = tuple[float, float, float]
 
@@ -181,8 +182,11 @@ class Helix:
     speed: float | None = None
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.sweep) and self.sweep > 0.0):
-            raise InputError(f"helix: a sweep of {self.sweep:g} rad; it must be above 0")
+        if not 0.0 < self.sweep <= _MOST_SWEEP:
+            raise InputError(
+                f"helix: a sweep of {self.sweep:g} rad; it must be above 0 and at most"
+                f" {_MOST_SWEEP:g}"
+            )
         if abs(hypot(*self.axis) - 1.0) > _UNIT:
             raise InputError(f"helix: axis {show(self.axis)} must have length 1")
         radius = self.radius
