@@ -37,7 +37,7 @@ TRC = """\
      1)         1.0  Tx         0080  0
      2)         2.5  Rx         0181  2  10 1F
      3)         3.0  Warng  FFFFFFFF  4  00 00 00 08  BUSHEAVY
-     4)         4.0  Rx     00000181  1  07
+     4)         4.0  Rx     00000181  1  EC
 """
 
 
@@ -123,7 +123,7 @@ def test_small_disorder_keeps_the_order_of_the_file(tmp_path: Path) -> None:
 def test_asc_is_read_exactly(text: str, tmp_path: Path) -> None:
     log = read(tmp_path, "a.ASC", text)
     assert log.channel == "1"
-    assert log.skipped == 1
+    assert log.skipped == 3, "an error frame, a statistic, the start"
     extended = 0x181 if "hex" in text else 181
     assert list(log)[1:] == [
         Frame(0.002, 0x181, b"\x10\x1f"),
@@ -141,6 +141,10 @@ def test_asc_is_read_exactly(text: str, tmp_path: Path) -> None:
         (HEX.replace("d 2 10 1F", "d 8 10 1F"), "line 9: cannot be read"),
         (HEX.replace("d 2 10 1F", "d 2 10 11F"), "line 9: cannot be read"),
         (HEX.replace("d 2 10 1F Length = 120 BitCount = 62", "d 2 10"), "1 bytes of data, 2"),
+        (HEX.replace(" 181 ", " 1 81 "), "line 9: .* cannot be read as a frame"),
+        (HEX.replace("Rx   d 2", "Zx   d 2"), "line 9: .* cannot be read as a frame"),
+        (HEX.replace("0.002000", "0,002000"), "line 9: .* cannot be read as a frame"),
+        (HEX.replace("0.002000", "0.002.00"), "line 9: .* cannot be read as a frame"),
         (HEX.replace("d 2 10 1F", "r 2"), "line 9: a remote frame"),
         (HEX.replace("   0.001000 1", "   0.003500 1"), r"line 9: its time is 0\.0015 s before"),
         (
@@ -162,7 +166,7 @@ def test_trc_is_read_exactly(tmp_path: Path) -> None:
     assert [(frame.can_id, frame.data, frame.extended) for frame in frames] == [
         (0x80, b"", False),
         (0x181, b"\x10\x1f", False),
-        (0x181, b"\x07", True),
+        (0x181, b"\xec", True),
     ]
     assert [f.stamp - frames[0].stamp for f in frames] == pytest.approx([0, 1.5e-3, 3e-3], abs=1e-6)
 
@@ -170,7 +174,7 @@ def test_trc_is_read_exactly(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        (TRC.replace("=1.1", "=1.2"), r"its version 1\.2 is not read; 1\.1, 1\.3, 2\.0 and 2\.1"),
+        (TRC.replace("=1.1", "=1.2"), r"its version '1.2' is not read; 1\.1, 1\.3, 2\.0 and 2\.1"),
         (TRC.replace("2  10 1F", "3  10 1F"), "line 5: .* cannot be read as a frame"),
         (TRC.replace("2  10 1F", "2  10"), "line 5: .* cannot be read as a frame"),
         (TRC.replace("Rx         0181", "??         0181"), "line 5: .* cannot be read as a frame"),
@@ -283,7 +287,10 @@ def test_the_command_sends_one_interface_and_counts(
         sent = [bus.recv(1.0), bus.recv(1.0)]
         assert bus.recv(0.0) is None
     assert [(m.arbitration_id, bytes(m.data)) for m in sent if m] == [(0x81, b"\x11"), (0x82, b"")]
-    assert "2 frames of can1 sent to inprocess:logs; 1 error frames" in capsys.readouterr().out
+    assert (
+        "2 frames of can1 sent to inprocess:logs; 1 error frames or status lines"
+        in capsys.readouterr().out
+    )
     assert run(command) == 1
     assert "--channel can0" in capsys.readouterr().err
     assert run([*command, "--approach"]) == 2

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.records import Message
+from rewritten_logs import rewrite
 
 import duoglide as dg
 from duoglide.control.channel.setpoints import Fence
@@ -15,7 +17,7 @@ from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import recheck, recheck_repaced
 from duoglide.playback.replay import prepare as rerun
-from duoglide.storage import CycleRecord, LogKind, LogWriter, Phase, Topic, read_log
+from duoglide.storage import CycleRecord, LogKind, LogWarning, LogWriter, Phase, Topic, read_log
 
 Pace = Sequence[tuple[float, float, Phase]]
 WriteRun = Callable[..., Path]
@@ -88,6 +90,25 @@ def test_a_log_whose_setpoints_are_not_its_plans_is_refused(
             writer.write(Topic.CYCLE, t, CycleRecord(**fields))
     with pytest.raises(dg.LogError, match="setpoint of cycle 1030 is not that of the plan"):
         rebuild(read_log(tampered))
+
+
+def test_a_run_that_has_lost_cycles_of_its_program_is_not_replayed(
+    run_log: Path, tmp_path: Path
+) -> None:
+    def lost(message: Message, topic: str) -> bool:
+        return not 30 <= message.sequence < 40
+
+    def first_event(message: Message, topic: str) -> bool:
+        return message.sequence > 1
+
+    file = rewrite(run_log, tmp_path / "filtered.mcap", {}, keep=lost)
+    with pytest.warns(LogWarning, match="10 of .* messages have been filtered out or lost"):
+        log = read_log(file)
+    with pytest.raises(dg.LogError, match="cycles 1028 to 1037 of the program among them"):
+        rebuild(log)
+    rewrite(run_log, file, {}, keep=first_event)
+    with pytest.warns(LogWarning, match="1 of .* messages"):
+        assert rebuild(read_log(file)).at_full_speed
 
 
 def test_a_plan_and_a_run_that_never_began_are_refused(

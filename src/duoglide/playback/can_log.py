@@ -37,9 +37,7 @@ _CANDUMP_OTHER = re.compile(
     r"\(\d+\.\d+\)\s+(?P<channel>[!-~]{1,32})\s+[0-9A-F]+#(?P<kind>R|#)\S*(?:\s+[RT])?",
     re.IGNORECASE | re.ASCII,
 )
-_ASC_FRAME = re.compile(
-    r"\d+\.\d+\s+(\d+\s+\S+\s+(Rx|Tx)\b|\d+\s+ErrorFrame|CANFD\s)", re.IGNORECASE | re.ASCII
-)
+_ASC_STATUS = frozenset(("Statistic", "Status", "J1939TP", "OverloadFrame"))
 _TRC_STATUS = frozenset(("FFFFFFFF", "Warng", "Error", "ER", "ST", "EC", "EV"))
 _ERROR_FLAG = 0x2000_0000  # candump marks error frames with it
 _FLAGS_FROM = 0x4000_0000
@@ -265,17 +263,24 @@ class _Lines(io.TextIOWrapper):
 
 def _asc(file: Path, skipped: Counter[str]) -> Iterator[_Read]:
     """Read what Vector's tools write as text."""
-    with file.open("rb") as stream, _Lines(stream, _holds_asc_frame) as lines:
+
+    def holds_frame(line: str) -> bool:
+        if not line[:1].isdecimal():
+            return False  # of the head, a comment, a block
+        words = line.split(maxsplit=3)
+        channel, event = (*words[1:3], "", "")[:2]
+        other = not channel.isdecimal() and channel != "CANFD"  # of another bus, of the tool
+        status = other or event.rstrip(":") in _ASC_STATUS
+        skipped["status"] += status
+        return not status
+
+    with file.open("rb") as stream, _Lines(stream, holds_frame) as lines:
         reader = can.ASCReader(lines)
         for message in _guarded(reader, lambda: lines.where):
             _require_asc_header(reader)
             lines.require_none_left(1)
             yield _Read(lines.where, _numbered(message), message)
         lines.require_none_left(0)
-
-
-def _holds_asc_frame(line: str) -> bool:
-    return _ASC_FRAME.match(line) is not None
 
 
 def _require_asc_header(reader: can.ASCReader) -> None:
@@ -292,7 +297,7 @@ def _trc(file: Path, skipped: Counter[str]) -> Iterator[_Read]:
     def holds_frame(line: str) -> bool:
         if not line or line.startswith(";"):
             return False
-        status = not _TRC_STATUS.isdisjoint(line.split()[:6])
+        status = not _TRC_STATUS.isdisjoint(line.split()[2:4])
         skipped["status"] += status
         return not status
 
@@ -300,7 +305,9 @@ def _trc(file: Path, skipped: Counter[str]) -> Iterator[_Read]:
         head = stream.read(4096).decode("ascii", "replace")
         version = re.search(r"^;\$FILEVERSION=(\S+)", head, re.MULTILINE)
         if version and version[1] not in ("1.1", "1.3", "2.0", "2.1"):
-            raise LogError(f"its version {version[1][:10]} is not read; 1.1, 1.3, 2.0 and 2.1 are")
+            raise LogError(
+                f"its version {version[1][:10]!r} is not read; 1.1, 1.3, 2.0 and 2.1 are"
+            )
         stream.seek(0)
         with _Lines(stream, holds_frame) as lines:
             for message in _guarded(can.TRCReader(lines), lambda: lines.where):

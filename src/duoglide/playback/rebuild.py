@@ -47,14 +47,15 @@ def rebuild(log: Log) -> Recorded:
     """Return the motion of a run.
 
     Raises:
-        LogError: Not a run, it never came onto its program, or its setpoints are not those of its
-            plan.
+        LogError: Not a run, it never came onto its program, cycles of it are lost, or its setpoints
+            are not those of its plan.
     """
     if log.kind is not LogKind.RUN:
         raise LogError(f"{log.path} is a {log.kind}, not a run: `duoglide stream` streams it")
     plan = plan_of(log)
     data = read_run(log)
     rows = program_rows(log, data)
+    _require_every_cycle(log, data.cycle[rows])
     _require_same_setpoints(log, plan, data, rows)
     times = path_times(data, rows)
     if _nominal(plan, data, rows, times):
@@ -101,6 +102,17 @@ def _nominal(plan: Trajectory, data: RunData, rows: IntArray, times: FloatArray)
     expected = np.minimum(times, plan.duration)
     got = data.path_time[rows]
     return bool(np.array_equal(expected, got)) and got[-1] == plan.duration
+
+
+def _require_every_cycle(log: Log, cycle: IntArray) -> None:
+    """Refuse a log that has lost cycles of its program; one that the streamer left out is none."""
+    (gaps,) = np.nonzero(np.diff(cycle) > 1)
+    if log.left_out and len(gaps):
+        first, last = cycle[gaps[0]] + 1, cycle[gaps[0] + 1] - 1
+        raise LogError(
+            f"{log.path}: {log.left_out} messages have been filtered out or lost, cycles {first} to"
+            f" {last} of the program among them; what was streamed then is not known"
+        )
 
 
 def _require_same_setpoints(log: Log, plan: Trajectory, data: RunData, rows: IntArray) -> None:

@@ -48,6 +48,7 @@ class Log:
         documents: The JSON documents that travel in it, by name.
         anchor: The clock that the messages' times are on.
         missing: What is missing, in words; empty for a log that is whole.
+        left_out: How many messages lack between those that are there.
     """
 
     path: Path
@@ -56,6 +57,7 @@ class Log:
     documents: Mapping[str, Any]
     anchor: ClockAnchor
     missing: str
+    left_out: int
     _pieces: tuple[Piece, ...]  # where the whole messages are
 
     @overload
@@ -190,7 +192,16 @@ def _log(file: Path, found: Scan) -> Log:
     missing = _missing(found)
     if missing:
         warnings.warn(f"{file}: {missing}", LogWarning, stacklevel=3)
-    return Log(file, kind, head, found.documents, anchor, missing, tuple(found.pieces))
+    return Log(
+        path=file,
+        kind=kind,
+        metadata=head,
+        documents=found.documents,
+        anchor=anchor,
+        missing=missing,
+        left_out=found.left_out,
+        _pieces=tuple(found.pieces),
+    )
 
 
 def _anchor(monotonic: str, wall_ns: str) -> ClockAnchor:

@@ -171,18 +171,22 @@ class Scan:
                 add_channel(channels, data[start:end])
             elif opcode != Opcode.SCHEMA and opcode < PRIVATE:
                 raise ValueError(f"a record {opcode:#x} in a chunk")
-        ours = [head for head in heads if channels[head[0]] in _TOPICS]
+        known = {number for number, topic in channels.items() if topic in _TOPICS}
+        if unknown := {number for number, _, _, _ in heads} - channels.keys():
+            raise ValueError(f"messages of channel {min(unknown)}, which is not there")
+        ours = [head for head in heads if head[0] in known]
+        stamps = [stamp for _, _, stamp, _ in ours]
+        if max(stamps, default=0) >= LATEST:
+            raise ValueError("a message of a year after 2262")
         self.channels = channels
         self._messages += len(heads)
         if not ours:
             return
-        stamps = [stamp for _, _, stamp, _ in ours]
-        if max(stamps) >= LATEST:
-            raise ValueError("a message of a year after 2262")
-        self.first = min(self.first or LATEST, *stamps, LATEST)
-        self.last = max(self.last, *stamps, 0)
-        self.counts.update(channels[channel] for channel, _, _, _ in ours)
-        self._sequences.extend(number for _, number, _, _ in ours)
+        self.first = min(self.first, *stamps) if self.counts else min(stamps)
+        self.last = max(self.last, *stamps)
+        for number, count in Counter([number for number, _, _, _ in ours]).items():
+            self.counts[channels[number]] += count
+        self._sequences.extend([number for _, number, _, _ in ours])
 
 
 def add_channel(channels: dict[int, str], payload: bytes) -> None:

@@ -109,5 +109,5 @@ def _play(file: Path, bus: str, channel: str | None, as_json: bool) -> None:
     if as_json:
         say_json({"frames": count, "channel": frames.channel, "skipped": frames.skipped})
         return
-    left = f"; {frames.skipped} error frames were left out" if frames.skipped else ""
+    left = f"; {frames.skipped} error frames or status lines left out" if frames.skipped else ""
     say(f"{file}: {count} frames of {frames.channel} sent to {bus}{left}")
