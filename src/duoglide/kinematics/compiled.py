@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import stat
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -10,18 +14,44 @@ from typing import Any
 def compiled(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function on its first call, or load it from numba's cache.
 
-    Where neither the installed package nor the user's cache directory can be written to, it is
-    compiled anew in every process. A division by zero gives infinity or NaN, as in numpy.
+    Where neither the installed package nor the user's cache directory can be written to, the cache
+    is beside other temporary files; and where that cannot be either, it is compiled anew in every
+    process. A division by zero gives infinity or NaN, as in numpy.
     """
     import numba
 
     options = {"error_model": "numpy", **options}
-    try:
-        dispatcher = numba.njit(function, cache=True, **options)
-    except RuntimeError:  # numba found no directory for its cache
+    first = _cached(function, numba.config.CACHE_DIR, options)  # empty: where numba likes it
+    dispatcher = first or _cached(function, _temporary_cache(), options)
+    if dispatcher is None:
         return numba.njit(function, **options)
     _watch_what_it_calls(dispatcher, function)
     return dispatcher
+
+
+def _cached(function: Callable[..., Any], folder: str, options: Mapping[str, Any]) -> Any:
+    """Have numba keep in ``folder`` what it compiles; None where it can write nowhere."""
+    import numba
+
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, folder
+    try:
+        return numba.njit(function, cache=True, **options)
+    except RuntimeError:  # it found no directory for its cache
+        return None
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def _temporary_cache() -> str:
+    """Return a folder of the user alone, as what is in a cache is executed; empty for none."""
+    folder = Path(tempfile.gettempdir()) / f"duoglide-kernels-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return ""
+    private = found.st_uid == os.getuid() and not found.st_mode & 0o077
+    return str(folder) if private and stat.S_ISDIR(found.st_mode) else ""
 
 
 def kept(dispatcher: Any) -> bool:
