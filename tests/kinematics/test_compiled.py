@@ -37,6 +37,18 @@ def test_a_fingerprint_tells_what_a_function_calls_and_with_which_constants() ->
     assert fingerprint(first["caller"]) == known
 
 
+def test_a_fingerprint_is_the_same_with_docstrings_and_without() -> None:
+    source = (
+        "def called(x):\n    'Words.'\n    if x > 3.0:\n        return None\n    return x + {}\n"
+    )
+    prints = []
+    for level, number in ((0, 1.0), (2, 1.0), (2, 2.0)):
+        space: dict[str, Any] = {"__name__": "somewhere"}
+        exec(compile(source.format(number), "file", "exec", optimize=level), space)
+        prints.append(fingerprint(space["called"]))
+    assert prints[0] == prints[1] != prints[2]
+
+
 def test_what_is_cached_expires_when_a_function_in_another_module_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

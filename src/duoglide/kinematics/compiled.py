@@ -6,9 +6,13 @@ import os
 import stat
 import tempfile
 from collections.abc import Callable, Mapping
+from opcode import hasconst, opmap
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
+
+_PLACES = 256  # of constants that one byte tells apart
+_NOTHING = opmap["NOP"]
 
 
 def compiled(function: Callable[..., Any], **options: Any) -> Any:
@@ -99,7 +103,25 @@ def fingerprint(function: Callable[..., Any]) -> str:
             continue
         used = {n: value.__globals__[n] for n in code.co_names if n in value.__globals__}
         numbers = {n: v for n, v in used.items() if isinstance(v, int | float | str | tuple)}
-        constants = [value for value in code.co_consts if not isinstance(value, CodeType)]
-        seen[name] = code.co_code, constants, code.co_names, sorted(numbers.items())
+        seen[name] = *_instructions(code), code.co_names, sorted(numbers.items())
         waiting += used.values()
     return repr(sorted(seen.items()))
+
+
+def _instructions(code: CodeType) -> tuple[bytes, list[Any]]:
+    """Return the instructions of a function, and the constants in the order in which it uses them.
+
+    The places of the constants and what does nothing do not count: ``python -OO`` drops docstrings,
+    which changes both, and must not throw away what others have compiled.
+    """
+    masked, used = bytearray(code.co_code), list(code.co_consts)
+    if len(used) <= _PLACES:  # else a place takes more than the one byte
+        used = []
+        for at in range(0, len(masked), 2):
+            if masked[at] in hasconst:
+                used.append(code.co_consts[masked[at + 1]])
+                masked[at + 1] = 0
+    work = b"".join(
+        masked[at : at + 2] for at in range(0, len(masked), 2) if masked[at] != _NOTHING
+    )
+    return work, [value for value in used if not isinstance(value, CodeType)]
