@@ -25,7 +25,7 @@ def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
 
     monkeypatch.setattr(numba, "njit", njit)
     assert _batch._compiled.__wrapped__(kernels.inverse_loop) is kernels.inverse_loop
-    assert asked == [True, False]
+    assert asked == [True, True, False]  # where numba likes it, beside temporary files, nowhere
 
 
 def test_numba_is_loaded_once_numpy_has_answered_much(

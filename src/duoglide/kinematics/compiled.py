@@ -2,26 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import stat
+import tempfile
+from collections.abc import Callable, Mapping
+from opcode import hasconst, opmap
+from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
+
+_PLACES = 256  # of constants that one byte tells apart
+_NOTHING = opmap["NOP"]
 
 
 def compiled(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function on its first call, or load it from numba's cache.
 
-    Where neither the installed package nor the user's cache directory can be written to, it is
-    compiled anew in every process. A division by zero gives infinity or NaN, as in numpy.
+    Where neither the installed package nor the user's cache directory can be written to, the cache
+    is beside other temporary files; and where that cannot be either, it is compiled anew in every
+    process. A division by zero gives infinity or NaN, as in numpy.
     """
     import numba
 
     options = {"error_model": "numpy", **options}
-    try:
-        dispatcher = numba.njit(function, cache=True, **options)
-    except RuntimeError:  # numba found no directory for its cache
+    first = _cached(function, numba.config.CACHE_DIR, options)  # empty: where numba likes it
+    dispatcher = first or _cached(function, _temporary_cache(), options)
+    if dispatcher is None:
         return numba.njit(function, **options)
     _watch_what_it_calls(dispatcher, function)
     return dispatcher
+
+
+def _cached(function: Callable[..., Any], folder: str, options: Mapping[str, Any]) -> Any:
+    """Have numba keep in ``folder`` what it compiles; None where it can write nowhere."""
+    import numba
+
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, folder
+    try:
+        return numba.njit(function, cache=True, **options)
+    except RuntimeError:  # it found no directory for its cache
+        return None
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def _temporary_cache() -> str:
+    """Return a folder of the user alone, as what is in a cache is executed; empty for none."""
+    folder = Path(tempfile.gettempdir()) / f"duoglide-kernels-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return ""
+    private = found.st_uid == os.getuid() and not found.st_mode & 0o077
+    return str(folder) if private and stat.S_ISDIR(found.st_mode) else ""
 
 
 def kept(dispatcher: Any) -> bool:
@@ -69,7 +103,25 @@ def fingerprint(function: Callable[..., Any]) -> str:
             continue
         used = {n: value.__globals__[n] for n in code.co_names if n in value.__globals__}
         numbers = {n: v for n, v in used.items() if isinstance(v, int | float | str | tuple)}
-        constants = [value for value in code.co_consts if not isinstance(value, CodeType)]
-        seen[name] = code.co_code, constants, code.co_names, sorted(numbers.items())
+        seen[name] = *_instructions(code), code.co_names, sorted(numbers.items())
         waiting += used.values()
     return repr(sorted(seen.items()))
+
+
+def _instructions(code: CodeType) -> tuple[bytes, list[Any]]:
+    """Return the instructions of a function, and the constants in the order in which it uses them.
+
+    The places of the constants and what does nothing do not count: ``python -OO`` drops docstrings,
+    which changes both, and must not throw away what others have compiled.
+    """
+    masked, used = bytearray(code.co_code), list(code.co_consts)
+    if len(used) <= _PLACES:  # else a place takes more than the one byte
+        used = []
+        for at in range(0, len(masked), 2):
+            if masked[at] in hasconst:
+                used.append(code.co_consts[masked[at + 1]])
+                masked[at + 1] = 0
+    work = b"".join(
+        masked[at : at + 2] for at in range(0, len(masked), 2) if masked[at] != _NOTHING
+    )
+    return work, [value for value in used if not isinstance(value, CodeType)]
