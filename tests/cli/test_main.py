@@ -227,7 +227,7 @@ def test_the_workspace_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_reader_that_leaves_is_no_traceback() -> None:
-    command = f"{sys.executable} -m duoglide.cli machine --json | head -n 1"
+    command = f"{sys.executable} -m duoglide machine --json | head -n 1"
     done = subprocess.run(
         ["bash", "-c", command], capture_output=True, text=True, timeout=60, check=True
     )
@@ -247,7 +247,7 @@ def test_an_interrupt_while_the_verbs_are_put_together_is_one_line(
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
 def test_closed_streams_are_no_traceback(closed: str) -> None:
-    command = f"{sys.executable} -m duoglide.cli machine --out cell.toml --force {closed}"
+    command = f"{sys.executable} -m duoglide machine --out cell.toml --force {closed}"
     done = subprocess.run(
         ["bash", "-c", command], capture_output=True, text=True, timeout=60, check=True
     )
@@ -257,7 +257,7 @@ def test_closed_streams_are_no_traceback(closed: str) -> None:
 
 def test_a_name_that_the_terminal_cannot_show_is_no_traceback() -> None:
     name = os.fsdecode(b"caf\xff.toml")
-    command = [sys.executable, "-m", "duoglide.cli", "machine", "--out", name]
+    command = [sys.executable, "-m", "duoglide", "machine", "--out", name]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert "caf" in done.stdout
     assert Path(name).exists()
@@ -305,5 +305,5 @@ def test_help_is_quick() -> None:
     plain = min(
         seconds(["-c", "import typer, rich.console, rich.panel, rich.table"]) for _ in "123"
     )
-    ours = min(seconds(["-m", "duoglide.cli", "--help"]) for _ in "123")
+    ours = min(seconds(["-m", "duoglide", "--help"]) for _ in "123")
     assert ours < 3.0 * plain + 0.5, "heavy libraries are loaded only by the verbs that need them"

@@ -96,7 +96,7 @@ def test_a_replay_is_watched_slowed_and_stopped_by_another_program(
     capsys.readouterr()
     words = ["replay", "joined.mcap", "--approach", "--override", "2"]
     with subprocess.Popen(
-        [sys.executable, "-m", "duoglide.cli", *words], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "duoglide", *words], stderr=subprocess.PIPE, text=True
     ) as process:
         robot = joined(process.pid)
         assert robot.current_run is not None
@@ -151,7 +151,7 @@ def test_ctrl_c_and_sigterm_stop_on_the_path_and_leave_a_whole_log(
     words = ["stream", "plan.mcap", "--log", name, "--approach", "--override", "4"]
     before = signal.signal(number, signal.SIG_DFL)  # a shell's "&" has Ctrl-C ignored: inherited
     process = subprocess.Popen(
-        [sys.executable, "-m", "duoglide.cli", *words],
+        [sys.executable, "-m", "duoglide", *words],
         cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     signal.signal(number, before)
@@ -178,7 +178,7 @@ def test_simulated_drives_play_their_scenario_and_end_in_order_when_they_are_ask
 ) -> None:
     scenario = tmp_path / "play.toml"
     scenario.write_text('[plant]\nbandwidth = 30\n[[fault]]\nkind = "device_fault"\naxis = 3\n')
-    command = [sys.executable, "-m", "duoglide.cli", "drives", "--scenario", str(scenario)]
+    command = [sys.executable, "-m", "duoglide", "drives", "--scenario", str(scenario)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert "three drives on --bus socketcand:" in process.stdout.readline()

@@ -74,6 +74,28 @@ def _power(event: EventEntry) -> tuple[EventKind, str]:
     return EventKind.NOTE, f"power {Power(event.detail).name.lower()}{reached}"
 
 
+def stop_words(on_approach: bool, quick: bool, path_time: float) -> str:
+    """Say where a motion has stopped: the same words and the same number wherever it is told.
+
+    Args:
+        on_approach: Whether it was on its way to the start.
+        quick: Whether the drives have braked by themselves, off the path.
+        path_time: Along the approach, or along the trajectory [s].
+    """
+    where = "on the approach at" if on_approach else "at" if quick else "on the path at"
+    return f"{'quick stop' if quick else 'stopped'} {where} path time {path_time:.4f} s"
+
+
+def _finished(event: EventEntry) -> tuple[EventKind, str]:
+    motion = Phase(event.detail).name.lower()
+    return EventKind.FINISHED, f"{motion} finished at path time {event.value:.4f} s"
+
+
+def _stopped(event: EventEntry) -> tuple[EventKind, str]:
+    on_approach = event.detail == Phase.APPROACH
+    return EventKind.STOP, stop_words(on_approach, bool(event.code), event.value)
+
+
 def _waited(outcome: str) -> Callable[[EventEntry], str]:
     return lambda e: f"axis {e.axis} input {e.detail} {outcome} after {e.value:.3f} s"
 
@@ -82,8 +104,8 @@ _WRITERS: dict[Happening, Callable[[EventEntry], tuple[EventKind, str]]] = {
     Happening.READY: lambda e: (EventKind.NOTE, "streamer is ready"),
     Happening.POWER: _power,
     Happening.STARTED: lambda e: (EventKind.STARTED, f"{Phase(e.detail).name.lower()} started"),
-    Happening.FINISHED: lambda e: (EventKind.FINISHED, f"finished at path time {e.value:.4f} s"),
-    Happening.STOPPED: lambda e: (EventKind.STOP, f"stopped at path time {e.value:.4f} s"),
+    Happening.FINISHED: _finished,
+    Happening.STOPPED: _stopped,
     Happening.ORDER: _order,
     Happening.REFUSED: _refused,
     Happening.TRIP: _trip,

@@ -26,7 +26,7 @@ class Command(IntEnum):
     QUICK_STOP = 7
     FORGET = 8  # the latched trips, on purpose
     OUTPUTS = 9  # argument: axis index; value: 0x60FE:1 as a whole number
-    CLOSE = 10
+    CLOSE = 10  # whatever moves stops along its path first, and the power goes off
     STANDSTILL = 11  # value: for how long simulated drives stand still with this computer [s]
 
 
@@ -60,8 +60,8 @@ class Happening(IntEnum):
     READY = 1  # [code: bits of Granted]
     POWER = 3  # the goal has changed [detail: Power; value 1: and has been reached]
     STARTED = 4  # [detail: Phase; value: number of the program]
-    FINISHED = 5  # [value: path time]
-    STOPPED = 6  # [value: path time]
+    FINISHED = 5  # [detail: Phase; value: path time]
+    STOPPED = 6  # [detail: Phase; code 1: the drives brake by themselves; value: path time]
     ORDER = 7  # an order was carried out [detail: Command; value]
     REFUSED = 8  # an order was not [detail: Command; axis; code: Refusal]
     TRIP = 9  # [axis, detail: index of the Condition, code: of the emergency, value: Reaction]

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from duoglide.arrays import AXES
-from duoglide.control.happenings import event_record, trip_of
+from duoglide.control.happenings import event_record, stop_words, trip_of
 from duoglide.control.history import History, HistoryTally
 from duoglide.control.orders import Happening
 from duoglide.control.ring import CycleEntry, EventEntry
+from duoglide.control.supervise import Reaction
 from duoglide.storage.records import EventRecord, Phase
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ class RunReport:
         completed: Whether it came to the end of its trajectory.
         cycles: Cycles streamed, approach and stop included.
         duration: From its first cycle to its last [s].
-        path_time: How far along the trajectory it came [s].
+        path_time: How far it came along the trajectory, or along the approach where it ended there
+            [s].
         lateness: Of its cycles.
         skipped: Cycles left out because the one before was late.
         lost: Feedback frames that did not come.
@@ -63,6 +65,7 @@ class RunReport:
         dropped: Records that the host was too slow to take; they are missing in the log.
         log: Where the log is; None if none was asked for.
         history: How following error and lateness went.
+        approaching: Whether it ended on its way to the start.
     """
 
     completed: bool
@@ -79,6 +82,15 @@ class RunReport:
     dropped: int = 0
     log: Path | None = None
     history: History = field(default_factory=History, compare=False)
+    approaching: bool = False
+
+    @property
+    def ending(self) -> str:
+        """How it ended, and where, in words."""
+        if self.completed:
+            return "completed"
+        quick = any(trip.reaction is Reaction.QUICK_STOP for trip in self.faults)
+        return stop_words(self.approaching, quick, self.path_time)
 
     def plot(self) -> Figure:
         """Draw the worst following error and lateness over the time of the run.
@@ -96,12 +108,11 @@ class RunReport:
         return report_html(self)
 
     def __repr__(self) -> str:
-        end = "completed" if self.completed else f"stopped at path time {self.path_time:.3f} s"
         faults = "".join(f", {trip.words}" for trip in self.faults)
         worst = ", ".join(f"{error:.3f}" for error in self.following_error)
         return (
-            f"RunReport({end} in {self.duration:.3f} s, {self.cycles} cycles, {self.skipped}"
-            f" skipped, lateness median {self.lateness.median:.0f} us, worst"
+            f"RunReport({self.ending} in {self.duration:.3f} s, {self.cycles} cycles,"
+            f" {self.skipped} skipped, lateness median {self.lateness.median:.0f} us, worst"
             f" {self.lateness.worst:.0f} us, following error {worst} mm{faults})"
         )
 
@@ -112,6 +123,7 @@ class RunReport:
             "cycles": self.cycles,
             "duration": self.duration,
             "path_time": self.path_time,
+            "approaching": self.approaching,
             "lateness_us": {
                 "median": self.lateness.median,
                 "p99": self.lateness.p99,
@@ -132,7 +144,7 @@ class Tally:
     """Counts while a run goes on; the monitor's thread feeds it, ``report`` sums up.
 
     Attributes:
-        program: Number of the program itself; an approach has another.
+        program: Number of the motion in progress, an approach or the program itself.
     """
 
     program: int
@@ -144,6 +156,7 @@ class Tally:
     first: int = 0
     last: int = 0
     completed: bool = False
+    approaching: bool = False
     faults: list[Trip] = field(default_factory=list)
     events: list[tuple[float, EventRecord]] = field(default_factory=list)
     history: HistoryTally = field(default_factory=HistoryTally)
@@ -158,7 +171,7 @@ class Tally:
         self.history.add(entry.time, entry.following, entry.lateness)
         for axis, error in enumerate(entry.following):
             self.worst[axis] = max(self.worst[axis], abs(error))
-        if entry.run == self.program and entry.phase in (Phase.PROGRAM, Phase.STOP):
+        if entry.run == self.program and entry.phase != Phase.HOLD:
             self.path_time = entry.path_time
 
     def add_event(self, event: EventEntry) -> None:
@@ -166,6 +179,11 @@ class Tally:
         self.events.append((event.time * 1e-9, event_record(event)))
         if event.kind == Happening.TRIP:
             self.faults.append(trip_of(event))
+        elif event.kind == Happening.STARTED:
+            self.program, self.path_time = int(event.value), 0.0
+            self.approaching = event.detail == Phase.APPROACH
+        elif event.kind in (Happening.STOPPED, Happening.FINISHED):
+            self.path_time = event.value
 
     def report(
         self,
@@ -191,4 +209,5 @@ class Tally:
             dropped=dropped,
             log=log,
             history=self.history.history(np.abs(scales.mm((1, 1, 1)))),
+            approaching=self.approaching,
         )

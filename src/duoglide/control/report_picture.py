@@ -33,9 +33,8 @@ def plot(report: RunReport, size: tuple[float, float] = (7.0, 4.2)) -> Picture:
 def report_html(report: RunReport) -> str:
     """Return what a notebook shows of a report."""
     late = report.lateness
-    end = "completed" if report.completed else f"stopped at path time {report.path_time:.3f} s"
     head = [
-        ("end", end),
+        ("end", report.ending),
         ("duration", f"{report.duration:.3f} s"),
         ("cycles", f"{report.cycles}, {report.skipped} left out"),
         (

@@ -18,6 +18,7 @@ from duoglide.control.handle import (
     RunPlan,
     wait_to_the_end,
 )
+from duoglide.control.interrupt import undisturbed
 from duoglide.control.override import require_first_override
 from duoglide.control.program import Fence, Program, prepare
 from duoglide.control.report import RunReport
@@ -86,15 +87,19 @@ class Robot(ConnectedMachine):
         self.close()
 
     def close(self) -> None:
-        """Stop what moves, take the power off in order, and let go of the bus."""
-        try:
-            self._end_run()
-            if self._connection.process.alive:
-                self.disable()
-        except DuoglideError as error:
-            print(f"while closing: {error}", file=sys.stderr)
-        finally:
-            self._connection.close()
+        """Stop what moves, take the power off in order, and let go of the bus.
+
+        Ctrl-C and its like wait until that is done.
+        """
+        with undisturbed():
+            try:
+                self._end_run()
+                if self._connection.process.alive:
+                    self.disable()
+            except DuoglideError as error:
+                print(f"while closing: {error}", file=sys.stderr)
+            finally:
+                self._connection.close()
 
     # Power and reference
 
@@ -161,7 +166,7 @@ class Robot(ConnectedMachine):
         approach: bool = False,
         override: float = 1.0,
     ) -> RunReport:
-        """Run a trajectory to its end; Ctrl-C stops along the path.
+        """Run a trajectory to its end; Ctrl-C, SIGTERM and SIGHUP stop along the path.
 
         Args:
             trajectory: What to run.
@@ -173,6 +178,7 @@ class Robot(ConnectedMachine):
             NotHomedError: The reference is not known.
             PathError: The machine is not at the start, and no approach was asked for.
             DriveError: A drive has failed; the machine has been stopped and the log is whole.
+            KeyboardInterrupt: Says where the machine has been stopped, and where the log is.
         """
         return wait_to_the_end(self.start(trajectory, log, approach, override))
 

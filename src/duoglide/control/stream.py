@@ -58,6 +58,7 @@ class Streamer:
         self._power, self._enabled = Power.SILENT, False
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
         self._departure = Departure()
+        self._closing = False
         self.done = False
         self.standstill = 0
 
@@ -126,7 +127,7 @@ class Streamer:
         elif order is Command.OUTPUTS:
             self._actions.set_outputs(argument, int(value))
         elif order is Command.CLOSE:
-            self.done = True
+            self._closing = True
         elif order is Command.STANDSTILL:
             self.standstill = round(value * 1e9)
             self._watch.policy = self._settings.policy_standing_still(value)
@@ -192,7 +193,8 @@ class Streamer:
         watch.see_time(self._skipped, self._outbox.signs_of_life)
         seen.moving = self._motion is not None
         seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign
-        seen.host_gone = self._inbox.host_gone
+        self.done = self._closing and self._power is Power.OFF
+        seen.host_gone = self._inbox.host_gone or self._closing
         if self._power is not Power.SILENT:
             self._judge()
         elif seen.host_gone:
@@ -209,14 +211,15 @@ class Streamer:
         if reaction is before:
             return
         if reaction is Reaction.QUICK_STOP:
-            self._end_motion(Happening.STOPPED)
+            self._end_motion()
             self._power, self._enabled = Power.QUICK_STOP, False
         elif self._motion is not None:
             self._motion.stop()
 
-    def _end_motion(self, kind: Happening) -> None:
+    def _end_motion(self) -> None:
         if self._motion is not None:
-            self.tell(kind, value=self._motion.path_time)
+            phase = self._motion.program.phase
+            self.tell(Happening.STOPPED, detail=phase, code=1, value=self._motion.path_time)
             self._motion = None
 
     def _leave(self) -> None:
@@ -260,7 +263,7 @@ class Streamer:
         if state in OVER:
             finished = state is MotionState.FINISHED
             kind = Happening.FINISHED if finished else Happening.STOPPED
-            self.tell(kind, value=motion.path_time)
+            self.tell(kind, detail=motion.program.phase, value=motion.path_time)
             self._motion = None
 
     def _stand(self) -> None:

@@ -31,10 +31,10 @@ def require_success(report: RunReport) -> None:
             in words, and where the log is.
         BusError: The bus has failed.
     """
-    log = f"; the log is {report.log}" if report.log else ""
+    log = f"; log: {report.log}" if report.log else ""
     for trip in report.faults:
         if trip.condition is not Condition.PRESSED:
-            raise _error(trip, f"stopped at path time {report.path_time:.4f} s{log}")
+            raise _error(trip, f"{report.ending}{log}")
     for _, event in report.events:
         if event.kind is EventKind.TIMEOUT:
             raise DriveTimeout(f"{event.text}{log}", axis=event.axis)

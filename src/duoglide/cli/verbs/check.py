@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from duoglide.cli.console import say, say_facts, say_json, working
+from duoglide.cli.console import Failed, say, say_facts, say_json, working
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import require_picture
 from duoglide.cli.program import Lift, Pick, Place, Points, Program, Tolerance, read_path
@@ -64,7 +64,7 @@ def check(
     A path that the machine cannot follow is refused with where, what and by how much; the picture
     marks the place.
     """
-    require_picture(picture)
+    require_picture(picture, reads=(program, machine))
     described = load_machine(machine)
     path = read_path(program, points=point, pick=pick, place=place, lift=lift, tolerance=tolerance)
     from duoglide.planning.check import check_path
@@ -73,28 +73,37 @@ def check(
         with working("checking"):
             checked = check_path(described, path)
     except PathError as error:
-        if picture is not None:
-            _draw_refused(described, path, error, picture)
-        if as_json:
-            say_json(_refusal(error))
-        raise
+        drawn = None if picture is None else _draw_refused(described, path, error, picture)
+        if drawn is not None and not as_json:
+            say(f"picture: {drawn}")
+        raise Failed(error, {"accepted": False, "picture": _name(drawn)}) from error
     if picture is not None:
         from duoglide.drawing.picture import save
 
         save(checked.plot(), picture)
     if as_json:
-        say_json(_numbers(checked))
-    else:
-        _explain(checked)
+        say_json("check", {**_numbers(checked), "picture": _name(picture)})
+        return
+    _explain(checked)
+    if picture is not None:
+        say(f"picture: {picture}")
 
 
-def _draw_refused(machine: Machine, path: MotionPath, error: PathError, picture: Path) -> None:
+def _draw_refused(
+    machine: Machine, path: MotionPath, error: PathError, picture: Path
+) -> Path | None:
     """Draw where a path fails, unless its blends do not fit: then there is nothing to draw."""
     from duoglide.drawing.picture import save
     from duoglide.motion.path_picture import plot_refused
 
-    if error.position:
-        save(plot_refused(machine, path, error), picture)
+    if not error.position:
+        return None
+    save(plot_refused(machine, path, error), picture)
+    return picture
+
+
+def _name(picture: Path | None) -> str | None:
+    return None if picture is None else str(picture)
 
 
 def _explain(checked: CheckedPath) -> None:
@@ -128,15 +137,4 @@ def _numbers(checked: CheckedPath) -> dict[str, Any]:
             }
             for entry in checked.report.least
         },
-    }
-
-
-def _refusal(error: PathError) -> dict[str, Any]:
-    return {
-        "accepted": False,
-        "error": str(error),
-        "quantity": error.quantity,
-        "amount": error.amount,
-        "arc_length": error.arc_length,
-        "position": error.position,
     }

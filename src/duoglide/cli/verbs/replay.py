@@ -17,8 +17,8 @@ from duoglide.cli.options import (
     load_machine,
     override_factor,
 )
-from duoglide.cli.outputs import require_place
-from duoglide.cli.powered import View, page_beside, under_power
+from duoglide.cli.outputs import Force, require_log
+from duoglide.cli.powered import View, page_beside, require_page, under_power
 from duoglide.errors import InputError
 
 _EXAMPLE = """\
@@ -53,14 +53,17 @@ def replay(
     approach: Approach = False,
     view: View = None,
     machine: MachineFile = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Check a recorded run against the machine again, and stream it again: the same setpoints.
 
-    A candump log is sent frame by frame with the timing that it has, and nothing is checked.
+    A candump log is sent frame by frame with the timing that it has, and nothing is checked. A run
+    that is there already is kept unless --force is given.
     """
     factor = override_factor(override) if override is not None else None
-    require_place(log)
+    require_log(log, reads=(run, machine), force=force)
+    require_page(view)
     if run.suffix == ".log":
         _play(run, bus, as_json)
         return
@@ -73,7 +76,7 @@ def replay(
         report = run_with_progress(
             robot, again.trajectory, log=log, approach=again.approach, override=1.0
         )
-    finish(report, log, as_json)
+    finish("replay", report, log, as_json)
 
 
 def _play(frames: Path, bus: str, as_json: bool) -> None:
@@ -85,6 +88,6 @@ def _play(frames: Path, bus: str, as_json: bool) -> None:
     with working("sending frames"), open_bus(bus) as opened:
         count = play(read_candump(frames), opened)
     if as_json:
-        say_json({"frames": count})
+        say_json("replay", {"frames": count})
     else:
         say(f"{frames}: {count} frames sent to {bus}")
