@@ -78,7 +78,7 @@ def run_facts(report: RunReport) -> list[tuple[str, str]]:
         (
             "lateness",
             f"median {late.median:.0f}, 99 % {late.p99:.0f}, worst {late.worst:.0f} us"
-            f" late; {report.skipped} cycles left out",
+            f"; {report.skipped} cycles left out",
         ),
         ("following error", f"worst {triple(report.following_error, 3)} mm"),
         ("feedback late or lost", f"{report.lost} frames"),
