@@ -159,8 +159,14 @@ def progress(text: str, total: float, first: str = "") -> Iterator[Any]:
         return
     bar = _bar()
     with bar:
-        task = bar.add_task(first or text, total=None if first else total)
-        yield lambda done: bar.update(task, completed=done, total=total, description=text)
+        task = bar.add_task(first or text, total=None if first else total, share="")
+
+        def show(done: float) -> None:
+            if done > 0.0 or not first:
+                share = f"{100.0 * done / total:3.0f} %"
+                bar.update(task, completed=done, total=total, description=text, share=share)
+
+        yield show
 
 
 def _bar() -> Progress:
@@ -170,7 +176,7 @@ def _bar() -> Progress:
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
+        TextColumn("{task.fields[share]}"),
         TimeElapsedColumn(),
         console=Console(stderr=True),
         transient=True,

@@ -21,7 +21,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -41,10 +41,8 @@ from duoglide.cli.verbs import (
     view,
     workspace,
 )
+from duoglide.control.interrupt import ENDINGS, interrupting
 from duoglide.errors import DuoglideError
-
-if TYPE_CHECKING:
-    from types import FrameType
 
 DONE, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
@@ -119,9 +117,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     does: a machine in motion stops along its path and logs are closed.
     """
     _require_streams()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    interrupt = interrupting(_Interrupted)
+    for number in ENDINGS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it for SIGHUP
-            signal.signal(number, _interrupt)
+            signal.signal(number, interrupt)
     sys.exit(run(arguments))
 
 
@@ -141,10 +140,6 @@ def _require_streams() -> None:
     for text in (sys.stdout, sys.stderr):
         if isinstance(text, TextIOWrapper):
             text.reconfigure(errors="backslashreplace")
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise _Interrupted
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeAlias
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 Handler: TypeAlias = "Callable[[int, FrameType | None], object]"
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_CLOSELY = 2.0  # [s] between two signals that mean one thing
 
 
 @contextmanager
@@ -26,8 +28,27 @@ def endings_interrupt() -> Iterator[None]:
 
     A program that handles or ignores them itself keeps its way.
     """
-    with _handled([n for n in ENDINGS if signal.getsignal(n) is signal.SIG_DFL], _interrupt):
+    default = (signal.SIG_DFL, signal.default_int_handler)
+    with _handled([n for n in ENDINGS if signal.getsignal(n) in default], interrupting()):
         yield
+
+
+def interrupting(error: type[KeyboardInterrupt] = KeyboardInterrupt) -> Handler:
+    """Return a handler that raises ``error``, once for signals that follow closely.
+
+    Whoever presses Ctrl-C three times means one thing; the second would come while the first is on
+    its way to whoever stops the machine. It is raised again for whoever insists.
+    """
+    last = -_CLOSELY
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _CLOSELY:
+            last = now
+            raise error
+
+    return handle
 
 
 @contextmanager
@@ -45,10 +66,6 @@ def undisturbed() -> Iterator[None]:
     finally:
         if waiting and not interrupted:
             signal.raise_signal(waiting[0])
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt(signal.Signals(number).name)
 
 
 @contextmanager
