@@ -115,9 +115,11 @@ def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
         ("least clearance", f"{audit.least_clearance:.2f} mm to a singular surface"),
     ]
     if audit.picks:
-        cycle = "there and back" if audit.picks == 1 else f"{audit.picks} moves, there and back"
-        rate = f"{2 * audit.duration:.4f} s, {audit.picks_per_minute:.0f} picks a minute"
-        rows.insert(0, (cycle, rate))
+        rate = f"{audit.picks_per_minute:.0f} picks a minute"
+        if audit.picks == 1:
+            rows.insert(0, ("there and back", f"{2 * audit.duration:.4f} s, {rate}"))
+        else:
+            rows.insert(0, ("up, across, down", f"{audit.picks} times; {rate}, with the ways back"))
     if not isnan(audit.braking_clearance):
         least = f"{audit.braking_clearance:.2f} mm at least"
         rows.append(("while braking", f"{least}, every drive by itself"))
