@@ -12,6 +12,7 @@ import typer
 
 import duoglide as dg
 from duoglide.cli.main import app, run
+from duoglide.planning import compile_ahead
 from duoglide.storage import LogKind, LogWriter
 
 PICK = ["--pick", "-41,-60,300", "--place", "-41,60,300"]
@@ -24,14 +25,15 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int = 1) -> str:
-    """Run a command that must fail; return its one line on stderr."""
+    """Run a command that must fail; return its few short lines on stderr as one."""
     assert run(arguments) == code
     captured = capsys.readouterr()
     lines = captured.err.strip().splitlines()
-    assert len(lines) == 1, captured.err
+    assert 1 <= len(lines) <= 3, captured.err
+    assert all(len(line) <= 80 for line in lines), captured.err
     assert lines[0].startswith("duoglide: ")
     assert "Traceback" not in captured.out + captured.err
-    return lines[0]
+    return " ".join(line.strip() for line in lines)
 
 
 def test_every_verb_has_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,7 +74,7 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["view", "--port", "99999"], "65535"),
     ],
 )
-def test_wrong_use_is_one_line_and_code_2(
+def test_wrong_use_is_a_short_answer_and_code_2(
     arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(arguments, capsys, code=2)
@@ -101,7 +103,7 @@ def test_wrong_use_is_one_line_and_code_2(
         (["plan", *PICK, "--picture", "plan.docx"], "docx"),
     ],
 )
-def test_what_cannot_be_done_is_one_line_and_code_1(
+def test_what_cannot_be_done_is_a_short_answer_and_code_1(
     arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert words in refused(arguments, capsys)
@@ -159,7 +161,9 @@ def test_check_explains_in_words_and_numbers(capsys: pytest.CaptureFixture[str])
     assert numbers["least"]["clearance"]["margin"] > 2.0
     refusal = ["check", "--pick", "-41,0,300", "--place", "-41,0,390", "--json"]
     assert run([*refusal, "--picture", "path.png"]) == 1
-    assert not json.loads(capsys.readouterr().out)["accepted"]
+    captured = capsys.readouterr()
+    assert not json.loads(captured.out)["accepted"]
+    assert captured.err == "", "a refusal is said once"
     assert Path("path.png").stat().st_size > 10_000, "where it fails is drawn"
 
 
@@ -177,9 +181,7 @@ def test_plan_writes_what_log_and_python_read(capsys: pytest.CaptureFixture[str]
     capsys.readouterr()  # says how long it took on a slow computer
     assert Path("plan.csv").read_text().startswith("path_time_s,x_mm")
     assert "not a run" in refused(["replay", "plan.mcap"], capsys)
-    assert "must not take the place" in refused(
-        ["stream", "plan.mcap", "--log", "plan.mcap"], capsys
-    )
+    assert "take the place" in refused(["stream", "plan.mcap", "--log", "plan.mcap"], capsys)
 
 
 @pytest.mark.parametrize("brake_safe", [True, False])
@@ -241,7 +243,7 @@ def test_an_interrupt_while_the_verbs_are_put_together_is_one_line(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(typer.main, "get_command", interrupted)
-    assert refused(["status"], capsys) == "duoglide: interrupted"
+    assert refused(["status"], capsys, code=130) == "duoglide: interrupted"
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
@@ -320,3 +322,111 @@ def test_help_loads_no_heavy_library() -> None:
     assert "typer" in loaded
     heavy = {"can", "canopen", "matplotlib", "numba", "numpy", "ruckig", "scipy", "toppra", "viser"}
     assert not loaded & heavy
+
+
+def test_a_plan_that_is_there_is_kept_unless_it_is_forced(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    move = ["plan", "--pick", "-41,0,300", "--place", "-41,40,300"]
+    assert run([*move, "--picture", "plan.png"]) == 0
+    assert "picture: plan.png" in capsys.readouterr().out
+    first = Path("plan.mcap").read_bytes()
+    for arguments in (
+        move,
+        ["stream", "plan.mcap", "--log", "kept.mcap"],
+        ["log", "plan.mcap", "--csv", "kept.mcap"],
+        ["log", "plan.mcap", "--foxglove", "kept.mcap"],
+    ):
+        Path("kept.mcap").write_bytes(first)
+        assert "--force" in refused(arguments, capsys)
+        assert Path("kept.mcap").read_bytes() == Path("plan.mcap").read_bytes() == first
+    assert run([*move, "--force"]) == 0
+    Path("notes.txt").write_text("mine")
+    capsys.readouterr()
+    assert "neither a plan nor a run" in refused([*move, "--out", "notes.txt", "--force"], capsys)
+    assert Path("notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", *PICK, "--machine", "cell.toml", "--out", "cell.toml"], "what is read"),
+        (["plan", *PICK, "--out", "plan.png", "--picture", "plan.png"], "take the place"),
+        (["log", "run.mcap", "--csv", "table", "--parquet", "./table"], "another file"),
+        (["log", "run.mcap", "--compare", "other.mcap", "--csv", "other.mcap"], "what is read"),
+    ],
+)
+def test_outputs_are_judged_together_before_anything_is_read(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert words in refused(arguments, capsys)
+
+
+def test_a_full_disk_is_told_before_the_work(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = os.statvfs_result((4096, 4096, 100, 0, 0, 0, 0, 0, 0, 255))
+    monkeypatch.setattr(os, "statvfs", lambda folder: full)
+    assert "disk is full, 0 KiB" in refused(["plan", *PICK, "--out", "plan.mcap"], capsys)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["check", "--pick", "-41,-60,300", "--place", "-41,60,390"],
+        ["check", "--pick", "-41,-60,300", "--place", "-41,260,300"],
+        ["check", "--pick", "0,0,240", "--place", "0,50,300"],
+        ["check", "--point=-41,-152.5,290", "--point=-41,152.5,290"],
+        ["check", "--point=0,0,300", "--point=187.28,0,250"],
+        ["status", "--bus", "nowhere"],
+    ],
+)
+def test_long_refusals_are_three_short_lines(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused(arguments, capsys)
+
+
+def test_whatever_is_printed_fits_eighty_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for arguments in (
+        *([verb, "--help"] for verb in VERBS),
+        ["check", *PICK, "--picture", "path.png"],
+        ["plan", *PICK],
+        ["log", "plan.mcap"],
+        ["machine"],
+    ):
+        assert run(arguments) == 0
+        printed = capsys.readouterr().out
+        assert printed
+        assert not [line for line in printed.splitlines() if len(line) > 80], arguments
+
+
+def test_picks_are_counted_only_where_there_are_picks(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", *PICK]) == 0
+    assert "picks a minute" in capsys.readouterr().out
+    line = ["plan", "--point=-41,-40,300", "--point=-41,40,300", "--out", "line.mcap"]
+    assert run([*line, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["picks_per_minute"] is None
+    assert run([*line, "--force"]) == 0
+    assert "a minute" not in capsys.readouterr().out
+
+
+def test_a_first_plan_says_that_kernels_are_compiled(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(["plan", *PICK]) == 0
+    assert "compiling" not in capsys.readouterr().err
+    monkeypatch.setattr(compile_ahead, "ready", lambda: False)
+    monkeypatch.setattr(compile_ahead, "_start", lambda: None)
+    assert run(["plan", *PICK, "--force"]) == 0
+    assert capsys.readouterr().err.startswith("compiling kernels (once)\n")
+
+
+def test_the_package_is_a_command_too() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "duoglide", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"duoglide {dg.__version__}\n"

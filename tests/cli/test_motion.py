@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
+import re
 import signal
 import subprocess
 import sys
@@ -105,7 +107,7 @@ def test_a_replay_is_watched_slowed_and_stopped_by_another_program(
         robot.stop()
         _, errors = process.communicate(timeout=600.0)
     assert process.returncode == 1
-    assert "the run ended at path time" in errors.splitlines()[-1]
+    assert re.fullmatch(r"duoglide: stopped on the \w+ at path time \d\.\d{4} s", last_line(errors))
 
 
 def joined(pid: int) -> JoinedRobot:
@@ -143,11 +145,16 @@ def test_the_status_of_a_machine_that_another_host_moves_is_overheard(
     assert not seen & {pdo.SDO_REQUEST, pdo.SDO_REPLY}
 
 
+def last_line(text: str) -> str:
+    return text.splitlines()[-1]
+
+
+@pytest.mark.parametrize("times", [1, 2])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_and_sigterm_stop_on_the_path_and_leave_a_whole_log(
-    folder: Path, number: signal.Signals
+    folder: Path, number: signal.Signals, times: int
 ) -> None:
-    name = f"{number.name}.mcap"
+    name = f"{number.name}{times}.mcap"
     words = ["stream", "plan.mcap", "--log", name, "--approach", "--override", "4"]
     before = signal.signal(number, signal.SIG_DFL)  # a shell's "&" has Ctrl-C ignored: inherited
     process = subprocess.Popen(
@@ -161,16 +168,22 @@ def test_ctrl_c_and_sigterm_stop_on_the_path_and_leave_a_whole_log(
         while not log.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
         time.sleep(1.0)
-        process.send_signal(number)
+        for _ in range(times):
+            os.killpg(process.pid, number)  # as a terminal does
+            time.sleep(0.02)
         _, errors = process.communicate(timeout=600.0)
-    assert process.returncode == 1
-    assert errors.splitlines()[-1] == "duoglide: interrupted"
+    assert process.returncode == 130
+    said = re.search(r"stopped on the (path|approach) at path time (\d\.\d{4}) s; log: ", errors)
+    assert said is not None, errors
+    assert last_line(errors).endswith(f"log: {name}")
     assert "Traceback" not in errors
     opened = read_log(log)
     assert opened.missing == ""
     kinds = [event.kind for _, event in opened.records(Topic.EVENT)]
     assert EventKind.STARTED in kinds
     assert EventKind.FAULT not in kinds
+    stops = [event.text for _, event in opened.records(Topic.EVENT) if event.kind == EventKind.STOP]
+    assert stops[-1] == said.group().removesuffix("; log: "), "one number for one stop"
 
 
 def test_simulated_drives_play_their_scenario_and_end_in_order_when_they_are_asked_to(

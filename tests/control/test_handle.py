@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -50,12 +51,14 @@ def test_a_streamer_that_hangs_is_given_up_long_before_one_that_starts(
     monkeypatch.setattr(process, "_LOAD_PATIENCE", 0.2)
     with dg.Robot.connect(trajectory.machine) as robot:
         streamer = robot._connection.process
+        begin = time.monotonic()
         os.kill(streamer.pid, signal.SIGSTOP)
         try:
             with pytest.raises(dg.BusError, match=r"is stuck: .* answered for 0\.\d s"):
                 robot._load(trajectory, Fence.of(trajectory.machine), Phase.PROGRAM)
         finally:
             os.kill(streamer.pid, signal.SIGCONT)
+        assert time.monotonic() - begin < 5.0
 
 
 def test_a_robot_that_has_been_closed_says_so_whatever_it_is_asked_for(

@@ -33,7 +33,7 @@ MACHINE = replace(  # a busy computer must not be what stops these runs
     ),
 )
 _ATTEMPTS = 4
-GENEROUS = 120.0  # s; what is asserted is that it happens, and what does not happen meanwhile
+GENEROUS = 5.0  # s; what is asserted is that it happens, and what does not happen meanwhile
 
 HOST = """
 import sys, time
@@ -140,13 +140,15 @@ def _alive(pid: int) -> bool:
 
 def test_a_killed_host_leaves_the_drives_off_and_its_log_whole(scene: Scene) -> None:
     scene.host.kill()
+    killed = time.monotonic()
     scene.watch_until({State.SWITCH_ON_DISABLED})
     assert scene.least_clearance() > 0.0
     _until_gone(scene.streamer)
     with pytest.warns(LogWarning):
         log = read_log(scene.log)
+    times = [t for t, _ in log.records(Topic.CYCLE)]
+    assert killed - times[-1] < 1.0
     cycles = [record.cycle for _, record in log.records(Topic.CYCLE)]
-    assert cycles
     assert cycles == sorted(set(cycles))
 
 

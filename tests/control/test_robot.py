@@ -134,7 +134,7 @@ def test_an_override_of_0_holds_a_run_that_has_begun(ready: dg.Robot, there: dg.
     handle.set_override(0.0)
     assert not handle.done
     handle.stop()
-    assert not handle.wait(120.0).completed
+    assert not handle.wait(10.0).completed
 
 
 def test_hold_resume_override_and_stop_work_while_a_run_goes_on(
@@ -149,7 +149,7 @@ def test_hold_resume_override_and_stop_work_while_a_run_goes_on(
     handle.resume()
     _until(lambda: handle.status.path_time > held)
     handle.stop()
-    report = handle.wait(120.0)
+    report = handle.wait(10.0)
     assert not report.completed and not report.faults
     assert held < report.path_time < there.duration
     assert ready.enabled
@@ -161,7 +161,7 @@ def test_a_fault_of_one_drive_stops_all_is_named_and_needs_a_reset(
     assert ready.simulated is not None
     handle = ready.start(there, log=tmp_path / "run.mcap", override=0.2)
     ready.simulated.inject(DeviceFault(2))
-    report = handle.wait(120.0)
+    report = handle.wait(10.0)
     assert (Condition.FAULT, 2) in [(t.condition, t.axis) for t in report.faults]
     text = " ".join(event.text for _, event in report.events)
     assert "axis 2: emergency 0x2310" in text and "over-current" in text
@@ -197,7 +197,7 @@ def test_what_is_ordered_during_the_approach_holds_for_the_program_too(
     _until(lambda: handle._current == program and handle.status.rate > 0.0)
     _until(lambda: handle.done or handle.status.rate > 0.29)
     assert handle.status.rate <= 0.3
-    assert handle.wait(120.0).completed
+    assert handle.wait(20.0).completed
 
 
 def test_a_run_that_is_held_between_approach_and_program_can_be_stopped(
@@ -207,7 +207,7 @@ def test_a_run_that_is_held_between_approach_and_program_can_be_stopped(
     handle._held = True
     _until(lambda: handle._between)
     handle.stop()
-    assert not handle.wait(120.0).completed
+    assert not handle.wait(5.0).completed
 
 
 def test_a_run_that_is_stopped_before_it_begins_does_not_begin(
@@ -259,12 +259,14 @@ def test_what_is_no_trajectory_is_refused(ready: dg.Robot) -> None:
             ready.run(wrong)  # type: ignore[arg-type]  # on purpose
 
 
-def test_a_latched_stop_refuses_power(ready: dg.Robot, there: dg.Trajectory) -> None:
+def test_a_latched_stop_refuses_power_at_once(ready: dg.Robot, there: dg.Trajectory) -> None:
     handle = ready.start(there, override=0.2, approach=True)
     handle.quick_stop()
-    handle.wait(120.0)
+    handle.wait(10.0)
+    began = time.monotonic()
     with pytest.raises(dg.DriveError, match="a stop is latched"):
         ready.enable()
+    assert time.monotonic() - began < 3.0
     ready.reset_fault()
     ready.enable()
 
@@ -363,7 +365,7 @@ def test_the_host_says_so_when_the_streamer_is_gone(there: dg.Trajectory) -> Non
         process = robot._connection.process
         process._process.kill()
         with pytest.raises(dg.BusError, match="gone"):
-            handle.wait(120.0)
+            handle.wait(10.0)
         assert robot.simulated is not None
         _until(
             lambda: all(d.state is not State.OPERATION_ENABLED for d in robot.simulated.snapshot())
@@ -417,7 +419,7 @@ def _resident(pid: int) -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
 
 
-def _until(condition: object, patience: float = 120.0) -> None:
+def _until(condition: object, patience: float = 10.0) -> None:
     deadline = time.monotonic() + patience
     while not condition():  # type: ignore[operator]
         assert time.monotonic() < deadline, "did not happen in time"

@@ -7,7 +7,6 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.host.run_log import RunLog
-from duoglide.storage import EventKind, EventRecord, LogKind, LogWriter, Topic
 
 
 class Unwritable:
@@ -19,14 +18,9 @@ class Unwritable:
 
 def test_a_log_that_fails_at_its_head_leaves_nothing_and_the_old_one(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
-    with LogWriter(file, LogKind.RUN) as log:
-        log.write(Topic.EVENT, 0.0, EventRecord(EventKind.NOTE, "of yesterday"))
-    old = file.read_bytes()
+    file.write_bytes(b"of yesterday")
     motion = cast("dg.Trajectory", Unwritable())
-    with (
-        pytest.raises(dg.LogError, match="JSON"),
-        RunLog(file, dg.Machine.default(), motion, None, "none"),
-    ):
+    with pytest.raises(dg.LogError), RunLog(file, dg.Machine.default(), motion, None, "none"):
         pass
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.mcap"]
-    assert file.read_bytes() == old
+    assert file.read_bytes() == b"of yesterday"

@@ -230,3 +230,28 @@ def test_a_million_cycles_lose_no_setpoint(make_bench: Callable[..., Any]) -> No
     numbers = [e.cycle for e in bench.log]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     assert len(bench.log) == cycles + 2000
+
+
+def test_a_streamer_that_is_closed_in_motion_stops_on_the_path_and_takes_the_power_off(
+    bench: Any,
+) -> None:
+    bench.enable()
+    bench.run(bench.straight())
+    bench.step(200)
+    bench.order(Command.CLOSE)
+    bench.step(1)
+    assert not bench.streamer.done
+    bench.step(300)
+    (stopped,) = bench.happened(Happening.STOPPED)
+    assert 0.39 < stopped.value < 0.55 and not stopped.code
+    assert bench.streamer.done
+    assert all(drive.axis.state is State.SWITCH_ON_DISABLED for drive in bench.drives)
+
+
+def test_a_streamer_that_is_closed_without_power_ends_at_once(bench: Any) -> None:
+    bench.enable()
+    bench.order(Command.POWER, Power.OFF)
+    bench.step(20)
+    bench.order(Command.CLOSE)
+    bench.step(1)
+    assert bench.streamer.done

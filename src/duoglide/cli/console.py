@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
+import textwrap
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,22 +19,93 @@ EXTRAS = {"viser": "view", "mujoco": "mujoco", "sympy": "symbolic", "pyarrow": "
 """Which optional extra brings a module."""
 
 WORTH_TELLING = 1.0  # [s] of work
+_COLUMNS = 80  # where there is no terminal
+_LINES = 3  # of a refusal
+
+
+class Failed(Exception):  # noqa: N818  # not an error of its own: it carries one
+    """A failure with what ``--json`` says of it beside the words.
+
+    Attributes:
+        cause: What has gone wrong.
+        facts: More of it, by the keys of the JSON.
+    """
+
+    def __init__(self, cause: BaseException, facts: Mapping[str, object]) -> None:
+        super().__init__(str(cause))
+        self.cause, self.facts = cause, facts
+
+
+class Stopped(KeyboardInterrupt):
+    """An interrupt of a run, after which the machine stands.
+
+    Attributes:
+        facts: Of the run, by the keys of the JSON.
+    """
+
+    def __init__(self, words: str, facts: Mapping[str, object]) -> None:
+        super().__init__(words)
+        self.facts = facts
 
 
 def complain(message: str, code: int) -> int:
-    """Write one line to stderr and return ``code``."""
-    print("duoglide:", " ".join(message.split()), file=sys.stderr)
+    """Write a message to stderr, in short lines where it is long, and return ``code``."""
+    for line in short_lines(f"duoglide: {' '.join(message.split())}", _columns()):
+        print(line, file=sys.stderr)
     return code
 
 
+def short_lines(message: str, columns: int) -> list[str]:
+    """Break a message between its clauses, as the messages of ``errors`` have them after ``;``.
+
+    Where that gives more than three lines, they are filled instead.
+    """
+    lines: list[str] = []
+    for clause in message.split("; "):
+        if lines and len(lines[-1]) + 2 + len(clause) <= columns:
+            lines[-1] += f"; {clause}"
+        else:
+            lines += _filled(clause, columns, "  " if lines else "")
+    return lines if len(lines) <= _LINES else _filled(message, columns, "")
+
+
+def _filled(text: str, columns: int, first: str, rest: str = "  ") -> list[str]:
+    """Wrap at spaces; file names and addresses stay whole, however long."""
+    return textwrap.wrap(
+        text,
+        columns,
+        initial_indent=first,
+        subsequent_indent=rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    ) or [""]
+
+
+def _columns() -> int:
+    return shutil.get_terminal_size((_COLUMNS, 24)).columns
+
+
 def say(text: str = "") -> None:
-    """Write text to stdout as it is, at once."""
-    print(text, flush=True)
+    """Write text to stdout, at once; what is too long for the terminal goes on indented."""
+    for line in text.splitlines() or [""]:
+        fits = len(line) <= _columns()
+        print(line if fits else "\n".join(_filled(line, _columns(), "")), flush=True)
 
 
-def say_json(value: object) -> None:
-    """Write a value to stdout as JSON; what is not finite becomes null."""
-    print(json.dumps(_plain(value), indent=2, allow_nan=False))
+def say_json(verb: str, result: Mapping[str, object], *, ok: bool = True) -> None:
+    """Write what a verb has found out to stdout as JSON; what is not finite becomes null.
+
+    Every verb says the same of itself first: see the page on scripts in the documentation.
+
+    Args:
+        verb: Which.
+        result: Its own keys and values.
+        ok: Whether it has done what it was asked for.
+    """
+    from duoglide import __version__
+
+    document = {"duoglide": __version__, "verb": verb, "ok": ok, **result}
+    print(json.dumps(_plain(document), indent=2, allow_nan=False, default=str), flush=True)
 
 
 def say_facts(rows: Iterable[tuple[str, str]]) -> None:
@@ -40,7 +113,10 @@ def say_facts(rows: Iterable[tuple[str, str]]) -> None:
     kept = list(rows)
     width = max((len(name) for name, _ in kept), default=0)
     for name, value in kept:
-        print(f"  {name:<{width}}  {value}".rstrip())
+        line = f"  {name:<{width}}  {value}".rstrip()
+        if len(line) > _columns():
+            line = "\n".join(_filled(value, _columns(), line[: width + 4], " " * (width + 4)))
+        print(line)
 
 
 @contextmanager
@@ -64,24 +140,33 @@ def working(text: str) -> Iterator[None]:
 
 
 @contextmanager
-def progress(text: str, total: float) -> Iterator[Any]:
+def progress(text: str, total: float, first: str = "") -> Iterator[Any]:
     """Show on stderr how far something is.
 
     Args:
         text: What is done.
         total: Its whole amount.
+        first: What is done before anything of it is.
 
     Yields:
         A function to call with how much of it is done.
     """
     if not sys.stderr.isatty():
+        if first:
+            print(first, file=sys.stderr, flush=True)
         with working(text):
             yield lambda done: None
         return
     bar = _bar()
     with bar:
-        task = bar.add_task(text, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        task = bar.add_task(first or text, total=None if first else total, share="")
+
+        def show(done: float) -> None:
+            if done > 0.0 or not first:
+                share = f"{100.0 * done / total:3.0f} %"
+                bar.update(task, completed=done, total=total, description=text, share=share)
+
+        yield show
 
 
 def _bar() -> Progress:
@@ -91,7 +176,7 @@ def _bar() -> Progress:
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
+        TextColumn("{task.fields[share]}"),
         TimeElapsedColumn(),
         console=Console(stderr=True),
         transient=True,

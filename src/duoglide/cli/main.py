@@ -1,12 +1,15 @@
-"""The command ``duoglide``: its verbs, and how every failure becomes one line and an exit code.
+"""The command ``duoglide``: its verbs, and how every failure becomes few lines and an exit code.
 
 ====== ===========================================================
 code   meaning
 ====== ===========================================================
 0      done
-1      refused or failed; one line on stderr says what and why
-2      used wrongly; one line on stderr says how
+1      refused or failed; stderr says what and why
+2      used wrongly; stderr says how
+130    interrupted: Ctrl-C, SIGTERM, SIGHUP; what moved has stopped
 ====== ===========================================================
+
+With ``--json`` a failure is said on stdout, as JSON, and nowhere else.
 """
 
 from __future__ import annotations
@@ -15,13 +18,15 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from duoglide.cli.console import EXTRAS, complain
+from duoglide.cli.console import EXTRAS, Failed, Stopped, complain, say_json
 from duoglide.cli.verbs import (
     check,
     demo,
@@ -36,12 +41,10 @@ from duoglide.cli.verbs import (
     view,
     workspace,
 )
+from duoglide.control.host.interrupt import ENDINGS, interrupting
 from duoglide.errors import DuoglideError
 
-if TYPE_CHECKING:
-    from types import FrameType
-
-DONE, FAILED, MISUSED = 0, 1, 2
+DONE, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
 
 # Help is data, here and in each verb: what Python drops with -OO is no place for it.
@@ -51,8 +54,22 @@ Plan, check, stream, log and replay the motions of a two-rail parallel robot.
 Begin with [bold]duoglide demo[/bold]; every command explains itself with --help.
 """
 
+
+class _Verbs(TyperGroup):
+    """The verbs; keeps what an interrupt says, of which typer leaves a number alone."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb that was asked for."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interrupt:
+            facts = interrupt.facts if isinstance(interrupt, Stopped) else {}
+            raise Failed(interrupt, facts) from None
+
+
 app = typer.Typer(
     name="duoglide",
+    cls=_Verbs,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -104,9 +121,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     does: a machine in motion stops along its path and logs are closed.
     """
     _require_streams()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    interrupt = interrupting(_Interrupted)
+    for number in ENDINGS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it for SIGHUP
-            signal.signal(number, _interrupt)
+            signal.signal(number, interrupt)
     sys.exit(run(arguments))
 
 
@@ -128,64 +146,77 @@ def _require_streams() -> None:
             text.reconfigure(errors="backslashreplace")
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise _Interrupted
-
-
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     Args:
         arguments: Of the command line; default: those of this process.
     """
-    words = list(arguments) if arguments is not None else None
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         command = typer.main.get_command(app)
         with warnings.catch_warnings():
             _show_only_our_warnings()
             code = command.main(args=words, prog_name="duoglide", standalone_mode=False)
             sys.stdout.flush()
-    except _USAGE as error:
-        return _misused(error)
-    except (DuoglideError, ImportError, OSError, KeyboardInterrupt, typer.Abort) as error:
-        return _explain(error)
-    return _code(code)
-
-
-def _explain(error: BaseException) -> int:
-    """Say in one line what went wrong, and return the exit code for it."""
-    if isinstance(error, BrokenPipeError):  # the reader of our output has gone: nobody listens
+    except BrokenPipeError:  # the reader of our output has gone: nobody listens
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
+    except Failed as failure:
+        return _tell(words, _failure(failure.cause, failure.facts))
+    except (DuoglideError, ImportError, OSError, KeyboardInterrupt, _USAGE, typer.Abort) as error:
+        return _tell(words, _failure(error, {}))
+    return code if isinstance(code, int) else DONE
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    """What is said of a failure, and the exit code that goes with it."""
+
+    kind: str
+    message: str
+    code: int = FAILED
+    facts: Mapping[str, object] = field(default_factory=dict)
+
+
+def _failure(error: BaseException, facts: Mapping[str, object]) -> _Failure:
+    """Put what went wrong into words."""
+    kind = type(error).__name__
+    if isinstance(error, _USAGE):
+        return _Failure("UsageError", _usage(error), MISUSED)
     if isinstance(error, ImportError):
-        return _without(error)
+        return _Failure(kind, _without(error))
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
-        return complain(f"{where}{error.strerror or error}", FAILED)
-    return complain(str(error) if isinstance(error, DuoglideError) else "interrupted", FAILED)
+        return _Failure(kind, f"{where}{error.strerror or error}")
+    if isinstance(error, DuoglideError):
+        return _Failure(kind, str(error), FAILED, {**vars(error), **facts})
+    return _Failure("Interrupted", str(error) or "interrupted", INTERRUPTED, facts)
 
 
-def _code(code: object) -> int:
-    """Turn what a command has returned into an exit code; click says 130 for Ctrl-C."""
-    if not isinstance(code, int) or code == DONE:
-        return DONE
-    return code if code in (FAILED, MISUSED) else complain("interrupted", FAILED)
+def _tell(words: list[str], failure: _Failure) -> int:
+    """Say it once: to whoever asked for JSON on stdout, to people on stderr."""
+    if "--json" not in words:
+        return complain(failure.message, failure.code)
+    verb = next((word for word in words if not word.startswith("-")), "")
+    said = {"error": failure.message, "type": failure.kind, "exit_code": failure.code}
+    say_json(verb, {**said, **failure.facts}, ok=False)
+    return failure.code
 
 
-def _misused(error: Exception) -> int:
+def _usage(error: Exception) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "duoglide"
     message = getattr(error, "format_message", error.__str__)()
-    return complain(f"{message} (see {command} --help)", MISUSED)
+    return f"{message} (see {command} --help)"
 
 
-def _without(error: ImportError) -> int:
+def _without(error: ImportError) -> str:
     """Say which extra brings a missing module; any other missing module is a fault of ours."""
     module = (error.name or "").partition(".")[0]
     if module not in EXTRAS:
         raise error
-    extra = EXTRAS[module]
-    return complain(f'this needs {module}: pip install "duoglide[{extra}]"', FAILED)
+    return f'this needs {module}: pip install "duoglide[{EXTRAS[module]}]"'
 
 
 def _show_only_our_warnings() -> None:

@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from duoglide.cli.console import progress, say, say_facts, say_json, triple
-from duoglide.errors import DriveError
+from duoglide.cli.console import Failed, Stopped, progress, say, say_facts, say_json, triple
+from duoglide.errors import DriveError, DuoglideError
 
 if TYPE_CHECKING:
     from duoglide.control.host.report import RunReport
@@ -23,43 +23,52 @@ def run_with_progress(
     """Run a trajectory while stderr shows how far it is; Ctrl-C stops along the path.
 
     Raises:
-        DuoglideError: It cannot be run, or did not come to its end.
+        DuoglideError: It cannot be run.
+        Failed: It did not come to its end.
+        Stopped: It was interrupted, and stands.
     """
     from duoglide.control.host.handle import stop_on_interrupt
     from duoglide.control.host.report import require_success
 
     handle = robot.start(trajectory, log=log, approach=approach, override=override)
-    with stop_on_interrupt(handle):
-        with progress("streaming", trajectory.duration) as done:
-            while not handle.done:
-                done(handle.status.path_time)
-                time.sleep(_LOOK)
-        report = handle.wait()
-    require_success(report)
-    _require_end(report)
+    try:
+        with stop_on_interrupt(handle):
+            with progress("streaming", trajectory.duration) as done:
+                while not handle.done:
+                    done(handle.status.path_time)
+                    time.sleep(_LOOK)
+            report = handle.wait()
+    except KeyboardInterrupt as interrupt:
+        facts = run_numbers(handle.wait(), log) if handle.reported else {}
+        raise Stopped(str(interrupt), facts) from None
+    try:
+        require_success(report)
+        _require_end(report)
+    except DuoglideError as error:
+        raise Failed(error, run_numbers(report, log)) from error
     return report
 
 
-def finish(report: RunReport, log: Path | None, as_json: bool) -> None:
-    """Print a run's report.
-
-    Raises:
-        DriveError: The run did not come to its end.
-    """
+def finish(verb: str, report: RunReport, log: Path | None, as_json: bool) -> None:
+    """Print a run's report."""
     if as_json:
-        say_json(report.to_dict())
+        say_json(verb, run_numbers(report, log))
     else:
         say(f"{report.cycles} cycles in {report.duration:.3f} s")
         say_facts(run_facts(report))
         if log is not None:
             say(f"log: {log}")
-    _require_end(report)
+
+
+def run_numbers(report: RunReport, log: Path | None) -> dict[str, object]:
+    """Return what a script wants to know of a run."""
+    return {**report.to_dict(), "log": None if log is None else str(log)}
 
 
 def _require_end(report: RunReport) -> None:
     if not report.completed:
-        last = f": {report.events[-1][1].text}" if report.events else ""
-        raise DriveError(f"the run ended at path time {report.path_time:.4f} s{last}")
+        log = f"; log: {report.log}" if report.log is not None else ""
+        raise DriveError(f"{report.ending}{log}")
 
 
 def run_facts(report: RunReport) -> list[tuple[str, str]]:
@@ -69,7 +78,7 @@ def run_facts(report: RunReport) -> list[tuple[str, str]]:
         (
             "lateness",
             f"median {late.median:.0f}, 99 % {late.p99:.0f}, worst {late.worst:.0f} us"
-            f" after the deadline; {report.skipped} cycles left out",
+            f"; {report.skipped} cycles left out",
         ),
         ("following error", f"worst {triple(report.following_error, 3)} mm"),
         ("feedback late or lost", f"{report.lost} frames"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -21,6 +22,23 @@ View: TypeAlias = Annotated[
     int | None,
     typer.Option("--view", metavar="PORT", min=0, max=65535, help="Serve the live page there."),
 ]
+
+
+def require_page(port: int | None) -> None:
+    """Refuse a page that could not be served, before anything gets power.
+
+    Raises:
+        BusError: The port is taken.
+        ImportError: The extra is not installed.
+    """
+    if port is None:
+        return
+    import viser  # noqa: F401  # says which extra is missing
+
+    try:
+        socket.create_server(("127.0.0.1", port)).close()
+    except OSError as error:
+        raise BusError(f"cannot serve the page on port {port}: {error.strerror}") from error
 
 
 @contextmanager

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
+from duoglide.cli.console import progress
 from duoglide.cli.options import number, point
 
 if TYPE_CHECKING:
@@ -50,6 +53,20 @@ Points: TypeAlias = Annotated[
         "--point", metavar="X,Y,Z", help=r"Instead of a program: two or more, in order \[mm]."
     ),
 ]
+
+
+@contextmanager
+def planning() -> Iterator[Callable[[float], None]]:
+    """Show on stderr how far a plan is, and that its kernels are compiled where they are not yet.
+
+    Yields:
+        A function to call with the share that is done, 0 to 1.
+    """
+    from duoglide.planning import compile_ahead
+
+    first = "" if compile_ahead.ready() else "compiling kernels (once)"
+    with compile_ahead.beside(), progress("planning", 1.0, first) as done:
+        yield done
 
 
 def read_path(

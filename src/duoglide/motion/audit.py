@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
 from duoglide.machine import CarriageLimits
+from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.motion import Motion
+from duoglide.motion.picks import count_picks
 
 RATE = 20_000.0  # samples per second of the finite differences
 AT_LIMIT = 0.98  # use from which a limit counts as the one that holds the motion back
 MOST_SAMPLES = 500_000  # beyond that, exact derivatives are taken instead of differences
+_FEED_SAMPLES = 4001
 _ROUNDING = 16.0  # of a third difference of positions, in units of their last place
 
 
@@ -71,6 +74,9 @@ class Audit:
         braking_clearance: The same while every drive brakes by itself, out of any instant of the
             motion: a lower bound, certain between samples too; NaN where that was not looked at.
         braking_cost: By how much longer the motion takes for that [s].
+        feed_share: For which share of the duration the caps that the program itself sets on the
+            tool's speed and acceleration hold the motion back, 0 to 1.
+        picks: How many moves up, across and down the motion is made of; 0 where it is another.
     """
 
     velocity: FloatArray
@@ -86,6 +92,8 @@ class Audit:
     least_clearance: float
     braking_clearance: float
     braking_cost: float
+    feed_share: float = 0.0
+    picks: int = 0
 
     @property
     def worst(self) -> float:
@@ -94,15 +102,19 @@ class Audit:
 
     @property
     def picks_per_minute(self) -> float:
-        """Picks per minute if this motion is one way of a cycle that goes there and back."""
-        return 30.0 / self.duration if self.duration > 0.0 else float("inf")
+        """Picks per minute, each with its way back; NaN where the motion is not made of picks."""
+        return 30.0 * self.picks / self.duration if self.picks else float("nan")
 
     def explain(self) -> str:
         """Say in words what limits the motion."""
-        if not self.shares:
+        held = [(share.share, str(share)) for share in self.shares]
+        if self.feed_share > 0.0:
+            feed = f"the program's own feed, {100.0 * self.feed_share:.0f} % of the time"
+            held = sorted([(self.feed_share, feed), *held], key=lambda row: -row[0])
+        if not held:
             return "no carriage limit holds the motion back"
-        told = [share for share in self.shares if share.share >= _WORTH_TELLING]
-        return "; ".join(str(share) for share in told or self.shares[:1])
+        told = [words for share, words in held if share >= _WORTH_TELLING]
+        return "; ".join(told or [held[0][1]])
 
     def __repr__(self) -> str:
         return (
@@ -111,8 +123,9 @@ class Audit:
         )
 
     def __str__(self) -> str:
+        rate = f", {self.picks_per_minute:.1f} picks per minute" if self.picks else ""
         lines = [
-            f"duration {self.duration:.4f} s, {self.picks_per_minute:.1f} picks per minute",
+            f"duration {self.duration:.4f} s{rate}",
             *(
                 f"{name}: worst use {', '.join(f'{100.0 * u:.2f} %' for u in uses)}"
                 for name, uses in (
@@ -145,7 +158,7 @@ def audit(motion: Motion) -> Audit:
     else:
         step = 0.0
         worst, times, use, limiting = _by_pieces(motion)
-    report = motion.report
+    report, path = motion.report, motion.path
     before = report.duration_before_braking
     return Audit(
         velocity=read_only(worst[0]),
@@ -161,6 +174,8 @@ def audit(motion: Motion) -> Audit:
         least_clearance=motion.path.least_clearance,
         braking_clearance=report.braking_clearance,
         braking_cost=max(motion.duration - before, 0.0) if before > 0.0 else 0.0,
+        feed_share=_feed_share(motion),
+        picks=count_picks(path.checked.path) if isinstance(path, CarriagePath) else 0,
     )
 
 
@@ -224,6 +239,28 @@ def _difference_uses(
         np.abs(second) / limits.acceleration,
         np.abs(third) / limits.jerk,
     )
+
+
+def _feed_share(motion: Motion) -> float:
+    """Return for which share of the duration a cap of the program on its tool is reached."""
+    path = motion.path
+    if not isinstance(path, CarriagePath):
+        return 0.0
+    checked = path.checked
+    if not checked.speed_caps and checked.tool_acceleration is None:
+        return 0.0
+    along = motion.profile.at(np.linspace(0.0, motion.duration, _FEED_SAMPLES))
+    sigma, rate, change = along[:, 0], along[:, 1, None], along[:, 2, None]
+    p = checked.curve.derivatives(sigma)
+    use = np.zeros(sigma.shape)
+    for cap in checked.speed_caps:
+        inside = (cap.start <= sigma) & (sigma <= cap.end)
+        speed = np.linalg.norm(p[inside, 1] * rate[inside], axis=-1)
+        use[inside] = np.maximum(use[inside], speed / cap.speed)
+    if checked.tool_acceleration is not None:
+        bent = np.linalg.norm(p[:, 1] * change + p[:, 2] * rate**2, axis=-1)
+        use = np.maximum(use, bent / checked.tool_acceleration)
+    return float(np.mean(use >= AT_LIMIT))
 
 
 def _shares(times: FloatArray, limiting: NDArray[np.intp], use: FloatArray) -> tuple[Share, ...]:

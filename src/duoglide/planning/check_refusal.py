@@ -53,9 +53,9 @@ def refusal(rules: Rules, failed_at: float) -> PathError:
     along = float(curve.arc_length(failed_at))
     breach = _breach(rules, failed_at)
     hints = [hint for hint in (_height(rules), _part(rules, failed_at)) if hint]
-    advice = "; " + ", and ".join(hints) if hints else ""
+    where = f"first {along:.6g} mm along the path, at {show(position)} mm"
     return PathError(
-        f"{breach.text}, from {along:.6g} mm along the path, at {show(position)} mm{advice}",
+        "; ".join([breach.text, where, *hints]),
         arc_length=along,
         position=position.tolist(),
         quantity=breach.quantity,
@@ -123,7 +123,8 @@ def _out_of_reach(rules: Rules, position: FloatArray, lacking: float) -> Breach:
     try:
         inverse(rules.machine.geometry, position)
     except UnreachableError as error:
-        text = f"the path leaves reach: {error}"
+        verb = "are" if error.link == "legs" else "is"
+        text = f"the path leaves reach: the {error.link} {verb} {error.shortfall:.6g} mm too short"
         return Breach("reach", text, error.shortfall)
     text = f"the path touches the edge of reach at {show(position)} mm"
     return Breach("reach", text, max(lacking, 0.0))
@@ -132,30 +133,28 @@ def _out_of_reach(rules: Rules, position: FloatArray, lacking: float) -> Breach:
 def _named(rules: Rules, family: int, worst: float, position: FloatArray) -> Breach:
     """Put the worst margin into words."""
     machine, name, short = rules.machine, rules.families[family], max(-worst, 0.0)
-    at_worst = f"at worst, at {show(position)} mm"
     if name == "clearance":
         surface = nearest_surface(machine.geometry, WORKING.v, position).family
         text = (
-            f"the clearance to {surface} falls to {machine.clearance + worst:.6g} mm {at_worst},"
-            f" {short:.3g} mm less than the machine's clearance of {machine.clearance:g} mm"
+            f"the clearance to {surface} falls to {machine.clearance + worst:.3g} mm,"
+            f" {short:.3g} mm below the clearance of {machine.clearance:g} mm"
         )
         return Breach(surface, text, short)
     carriages = inverse(machine.geometry, position)
     if name == "order":
         text = (
-            f"carriages 1 and 2 come {carriages[1] - carriages[0]:.6g} mm near to each other"
-            f" {at_worst}, {short:.3g} mm less than carriage_width = {machine.carriage_width:g} mm"
+            f"carriages 1 and 2 come within {carriages[1] - carriages[0]:.6g} mm,"
+            f" {short:.3g} mm less than carriage_width"
         )
         return Breach("order", text, short)
     if name.startswith("travel"):
         number = int(name[-1])
         text = (
-            f"carriage {number} would stand at {carriages[number - 1]:.9g} mm {at_worst},"
-            f" {short:.3g} mm past the end of its travel at"
-            f" +-{machine.geometry.rail_half_length:g} mm"
+            f"carriage {number} would stand at {carriages[number - 1]:.6g} mm,"
+            f" {short:.3g} mm past the end of its travel"
         )
         return Breach("travel", text, short)
-    return Breach("keep_out", f"the path is {short:.3g} mm inside {name} {at_worst}", short)
+    return Breach("keep_out", f"the path is {short:.3g} mm inside {name}", short)
 
 
 def _height(rules: Rules) -> str:

@@ -24,7 +24,7 @@ def beside() -> Iterator[None]:
 
     Where no process can be started, the plan waits for the compiler as it would without.
     """
-    process = None if _ready() else _start()
+    process = None if ready() else _start()
     try:
         yield
     finally:
@@ -33,7 +33,8 @@ def beside() -> Iterator[None]:
             process.wait()
 
 
-def _ready() -> bool:
+def ready() -> bool:
+    """Whether a plan need not wait for the compiler."""
     from duoglide.kinematics.compiled import kept
     from duoglide.planning._brake_kernel import brake_patches
 

@@ -10,6 +10,23 @@ from duoglide.storage.head import kind_of
 from duoglide.storage.records import LogKind
 
 
+def numbered(path: Path) -> Path:
+    """Return ``path``, or where something is there already the first free of ``name-2``, ...
+
+    Example:
+        >>> import tempfile
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> (folder / "run.mcap").touch()
+        >>> numbered(folder / "run.mcap").name
+        'run-2.mcap'
+    """
+    free, number = path, 1
+    while free.exists() or free.is_symlink():
+        number += 1
+        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return free
+
+
 def as_path(value: object, name: str) -> Path:
     """Convert ``value`` to a path.
 

@@ -13,6 +13,7 @@ import numpy as np
 from duoglide.control.host.handle import RunHandle, RunStatus
 from duoglide.control.host.robot import Robot
 from duoglide.errors import DuoglideError
+from duoglide.storage.paths import numbered
 from duoglide.viewer.join import JoinedRobot, JoinedRun
 from duoglide.viewer.motion_panel import MotionPanel
 
@@ -63,7 +64,8 @@ class MachinePanel:
         self._button("Reset fault", lambda robot: robot.reset_fault())
         self._button("Disable", lambda robot: robot.disable())
         with self._gui.add_folder("Run the loaded plan"):
-            self._log = self._gui.add_text("Log", "", hint="Where to record; empty: nowhere")
+            hint = "Where to record; under a number if that is there; empty: nowhere"
+            self._log = self._gui.add_text("Log", "", hint=hint)
             self._button("Run", self._run)
         with self._gui.add_folder("Jog", expand_by_default=False):
             self._step = self._gui.add_number("Step [mm]", 5.0, min=0.01, step=0.5)
@@ -156,13 +158,14 @@ class MachinePanel:
         trajectory = self._motion.trajectory
         if trajectory is None:
             return "**Nothing to run.** Plan a pick or open a plan in the Motion tab first."
-        log = Path(self._log.value) if self._log.value.strip() else None
+        log = numbered(Path(self._log.value)) if self._log.value.strip() else None
         rate = max(self._override.value, 1) / 100.0
         self._pose.set_draggable(False)
         try:
             handle = robot.start(trajectory, log=log, approach=True, override=rate)
             self._words.content = "Running."
-            return f"{handle.wait()!r}"
+            report = handle.wait()
+            return f"{report!r}" + (f"; log: {log}" if log is not None else "")
         finally:
             self._pose.set_draggable(True)
 

@@ -12,6 +12,8 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import LogError
 from duoglide.kinematics.model import forward, reachable
 from duoglide.kinematics.singularity import clearance
+from duoglide.motion.carriage_path import CarriagePath
+from duoglide.motion.picks import count_picks
 from duoglide.motion.trajectory import Trajectory
 from duoglide.playback.run_data import RunData, read_run
 from duoglide.storage import LogKind, read_log
@@ -52,10 +54,10 @@ def recording_of(trajectory: Trajectory) -> Recording:
     times, state = trajectory.sample(max(trajectory.duration / _SAMPLES, 1e-4))
     positions = trajectory.position_at(times)
     room = clearances_of(trajectory.machine.geometry, positions)
-    words = (
-        f"**Plan**: {trajectory.duration:.4f} s, least clearance {room.min():.2f} mm, "
-        f"there and back {30.0 / max(trajectory.duration, 1e-9):.0f} a minute"
-    )
+    path = trajectory.path
+    picks = count_picks(path.checked.path) if isinstance(path, CarriagePath) else 0
+    rate = f", {30.0 * picks / trajectory.duration:.0f} picks a minute" if picks else ""
+    words = f"**Plan**: {trajectory.duration:.4f} s, least clearance {room.min():.2f} mm{rate}"
     return Recording(times, state.carriages, state.velocity, positions, room, words)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from duoglide.cli.console import say, say_facts, say_json, working
+from duoglide.cli.console import Failed, say, say_facts, say_json, working
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import require_picture
 from duoglide.cli.program import (
@@ -78,7 +78,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Explain a path in words: reach, rails, order of the carriages, room to every singularity."""
-    require_picture(picture)
+    require_picture(picture, reads=(program, machine))
     described = load_machine(machine)
     reading = read_path(
         program,
@@ -96,31 +96,41 @@ def check(
         with working("checking"):
             checked = check_path(described, path)
     except PathError as error:
-        if picture is not None:
-            _draw_refused(described, path, error, picture)
-        if as_json:
-            say_json(_refusal(error))
-        raise
+        drawn = None if picture is None else _draw_refused(described, path, error, picture)
+        if drawn is not None and not as_json:
+            say(f"picture: {drawn}")
+        raise Failed(error, {"accepted": False, "picture": _name(drawn)}) from error
     if picture is not None:
         from duoglide.drawing.picture import save
 
         save(checked.plot(), picture)
     if as_json:
-        say_json({**_numbers(checked), **reading_numbers(reading)})
-    else:
-        _explain(checked)
-        say_facts(reading_facts(reading))
+        numbers = {**_numbers(checked), **reading_numbers(reading)}
+        say_json("check", {**numbers, "picture": _name(picture)})
+        return
+    _explain(checked)
+    say_facts(reading_facts(reading))
+    if picture is not None:
+        say(f"picture: {picture}")
 
 
-def _draw_refused(machine: Machine, path: MotionPath, error: PathError, picture: Path) -> None:
+def _draw_refused(
+    machine: Machine, path: MotionPath, error: PathError, picture: Path
+) -> Path | None:
     """Draw where a path fails, unless its blends do not fit: then there is nothing to draw."""
     from duoglide.drawing.picture import save
     from duoglide.motion.curve_picture import plot_in_machine
     from duoglide.motion.rounded_path import round_corners
 
-    if error.position:
-        curve = round_corners(path).platform_curve(machine)
-        save(plot_in_machine(machine, curve, (7.0, 6.0), error), picture)
+    if not error.position:
+        return None
+    curve = round_corners(path).platform_curve(machine)
+    save(plot_in_machine(machine, curve, (7.0, 6.0), error), picture)
+    return picture
+
+
+def _name(picture: Path | None) -> str | None:
+    return None if picture is None else str(picture)
 
 
 def _explain(checked: CheckedPath) -> None:
@@ -154,15 +164,4 @@ def _numbers(checked: CheckedPath) -> dict[str, Any]:
             }
             for entry in checked.report.least
         },
-    }
-
-
-def _refusal(error: PathError) -> dict[str, Any]:
-    return {
-        "accepted": False,
-        "error": str(error),
-        "quantity": error.quantity,
-        "amount": error.amount,
-        "arc_length": error.arc_length,
-        "position": error.position,
     }

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from duoglide.cli.console import complain, percent, progress, say, say_facts, say_json, working
+from duoglide.cli.console import Failed, complain, percent, say, say_facts, say_json, working
 from duoglide.cli.motion import run_facts, run_with_progress
 from duoglide.cli.options import Json, MachineFile, load_machine
-from duoglide.cli.outputs import require_place
+from duoglide.cli.outputs import Force, require_log, require_picture
 from duoglide.cli.powered import under_power
+from duoglide.cli.program import planning
 from duoglide.errors import BusError, DriveError
+from duoglide.storage.paths import numbered
 
 if TYPE_CHECKING:
     from duoglide.control.host.report import RunReport
@@ -30,8 +32,8 @@ _TRIES = 3
 _HELP = """\
 Plan, stream, log and replay a pick-and-place cycle on three simulated drives.
 
-The standard cycle, 25/305/25 mm there and back. Writes plan.mcap, run.mcap and demo.png; no
-hardware, no other program.
+The standard cycle, 25/305/25 mm there and back. Writes plan.mcap, run.mcap and demo.png into
+duoglide-demo, or duoglide-demo-2 and so on; no hardware, no other program.
 """
 _EXAMPLE = """\
 Examples:
@@ -70,7 +72,9 @@ class _Tries:
         for _ in range(_TRIES - 1):
             try:
                 return run()
-            except (DriveError, BusError) as error:
+            except Failed as error:
+                if not isinstance(error.cause, DriveError | BusError):
+                    raise
                 self.disturbed.append(str(error))
                 complain(f"{error}; is this computer busy? Once more", 0)
         return run()
@@ -87,14 +91,21 @@ def add_to(app: typer.Typer) -> None:
 
 def demo(
     machine: MachineFile = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path(),
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Where to write. (default: a folder of its own)"),
+    ] = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Plan, stream, log and replay a pick-and-place cycle on three simulated drives."""
     described = load_machine(machine)
-    out.mkdir(parents=True, exist_ok=True)
-    files = _Files(out / "plan.mcap", out / "run.mcap", out / "demo.png")
-    require_place(files.plan, files.run, files.picture)
+    folder = out if out is not None else numbered(Path("duoglide-demo"))
+    folder.mkdir(parents=True, exist_ok=True)
+    files = _Files(folder / "plan.mcap", folder / "run.mcap", folder / "demo.png")
+    require_log(files.plan, force=force)
+    require_log(files.run, force=force)
+    require_picture(files.picture)
     trajectory = _plan(described)
     audit = trajectory.audit()
     trajectory.save(files.plan)
@@ -105,22 +116,24 @@ def demo(
         _draw(trajectory, files)
     if as_json:
         numbers = _numbers(trajectory, audit, report, same)
-        say_json({**numbers, "disturbed": tries.disturbed})
+        names = {"plan": files.plan, "log": files.run, "picture": files.picture}
+        say_json("demo", {**numbers, "disturbed": tries.disturbed, "files": names})
         return
     say(f"25/305/25 mm there and back in {trajectory.duration:.4f} s, a pick and a place")
     say_facts([*_plan_facts(audit), *run_facts(report), _replay_fact(same), *tries.facts])
     say(f"wrote {files.names}")
+    if out is None:
+        say(f"to take that away again: rm -r {folder}")
     say("The drives were simulated; nothing here has moved real ones yet.")
 
 
 def _plan(machine: Machine) -> Trajectory:
-    from duoglide.planning import compile_ahead
     from duoglide.planning.pick_and_place import pick_and_place
     from duoglide.planning.plan import plan
 
     there = pick_and_place(_PICK, _PLACE, lift=_LIFT)
     back = pick_and_place(_PLACE, _PICK, lift=_LIFT)
-    with compile_ahead.beside(), progress("planning", 1.0) as done:
+    with planning() as done:
         return plan(machine, there.then(back), progress=done)
 
 
@@ -155,7 +168,7 @@ def _draw(trajectory: Trajectory, files: _Files) -> None:
 
 def _plan_facts(audit: Audit) -> list[tuple[str, str]]:
     return [
-        ("picks", f"{60.0 / audit.duration:.0f} a minute"),
+        ("picks", f"{audit.picks_per_minute:.0f} a minute"),
         ("worst use, velocity", f"{percent(audit.velocity)} of the limit, carriages 1 to 3"),
         ("worst use, acceleration", percent(audit.acceleration)),
         ("worst use, jerk", percent(audit.jerk)),

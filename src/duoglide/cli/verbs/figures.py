@@ -41,7 +41,7 @@ def figures(
             directory, described.geometry, lambda name, ready, total: done(ready / total)
         )
     if as_json:
-        say_json({"files": [str(file) for file in files]})
+        say_json("figures", {"files": [str(file) for file in files]})
         return
     for file in files:
         say(str(file))

@@ -10,7 +10,7 @@ import typer
 
 from duoglide.cli.console import say, say_facts, say_json, triple, working
 from duoglide.cli.options import Json
-from duoglide.cli.outputs import require_picture, require_place
+from duoglide.cli.outputs import Force, require_picture, require_place
 
 if TYPE_CHECKING:
     from duoglide.playback.compare import Comparison, RunSide
@@ -70,10 +70,11 @@ def log(
         Path | None,
         typer.Option("--compare", metavar="OTHER", help="Compare with another run."),
     ] = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Summarise a log: events, following error, lateness; or export or compare it."""
-    require_place(csv, parquet, candump, foxglove, reads=file)
+    require_place(csv, parquet, candump, foxglove, picture, reads=(file, other), force=force)
     require_picture(picture)
     from duoglide.storage import read_log
 
@@ -88,6 +89,8 @@ def log(
     if picture is not None:
         with working(f"drawing {picture}"):
             _draw(opened, picture)
+        if not as_json:
+            say(f"picture: {picture}")
     if other is not None:
         _compare(opened, other, as_json)
     elif as_json or not exports:
@@ -138,7 +141,7 @@ def _summarise(opened: Log, as_json: bool) -> None:
         summary = summarise(opened)
         numbers, facts = _planned(opened)
     if as_json:
-        say_json({**summary.to_dict(), **numbers})
+        say_json("log", {**summary.to_dict(), **numbers})
         return
     say(f"{summary.file}: a {summary.kind}, recorded {summary.recorded}")
     say_facts(_facts(summary) + facts)
@@ -182,7 +185,7 @@ def _run_facts(run: RunSummary) -> list[tuple[str, str]]:
     below = 0
     for edge, count in late.histogram:
         name = f"up to {edge} us" if edge else f"above {below} us"
-        bar = "#" * round(40 * count / most) if most else ""
+        bar = "#" * round(30 * count / most) if most else ""
         rows.append(("", f"{name:>14} {count:8d} {bar}"))
         below = edge
     return rows
@@ -195,7 +198,7 @@ def _compare(opened: Log, other: Path, as_json: bool) -> None:
     with working("comparing"):
         result = compare(opened, read_log(other))
     if as_json:
-        say_json(result.to_dict())
+        say_json("log", result.to_dict())
         return
     say(f"{opened.path} and {other}: {_verdict(result)}")
     say_facts(

@@ -9,6 +9,7 @@ import typer
 
 from duoglide.cli.console import say, say_facts, say_json, triple
 from duoglide.cli.options import Json, load_machine
+from duoglide.cli.outputs import require_place
 from duoglide.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -46,12 +47,13 @@ def machine(
 ) -> None:
     """Check a machine file and say what it means, or write one to begin with."""
     described = load_machine(file)
+    require_place(out)
     if out is not None:
         if out.exists() and not force:
-            raise ConfigError(f"{out} exists; --force writes over it")
+            raise ConfigError(f"{out} is there already; --force writes over it")
         described.save(out)
     if as_json:
-        say_json(described.to_dict())
+        say_json("machine", described.to_dict())
     elif out is not None:
         say(f"wrote {out}")
     else:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from duoglide.cli.console import percent, progress, say, say_facts, say_json
+from duoglide.cli.console import percent, say, say_facts, say_json
 from duoglide.cli.options import Json, MachineFile, load_machine
-from duoglide.cli.outputs import require_picture, require_place
+from duoglide.cli.outputs import Force, require_log, require_picture
 from duoglide.cli.program import (
     Ignore,
     Lift,
@@ -19,6 +19,7 @@ from duoglide.cli.program import (
     Points,
     Program,
     Tolerance,
+    planning,
     read_path,
     reading_facts,
     reading_numbers,
@@ -36,9 +37,9 @@ Examples:
 
 duoglide plan --pick -41,-152.5,295 --place -41,152.5,295 --lift 25 --out plan.mcap
 
-duoglide plan --point -41,-50,295 --point -41,-50,320 --point -41,50,320 --tolerance 4
+duoglide plan --point -41,-50,295 --point -41,50,320 --out line.mcap
 
-duoglide plan program.toml --machine cell.toml --picture plan.png
+duoglide plan program.toml --machine cell.toml --picture plan.png --force
 """
 
 
@@ -70,11 +71,15 @@ def plan(
         ),
     ] = True,
     machine: MachineFile = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Check a path, time it near its optimum under the carriages' limits, and write the plan."""
-    require_place(out, reads=program)
-    require_picture(picture)
+    """Check a path, time it near its optimum under the carriages' limits, and write the plan.
+
+    A plan or a run that is there already is kept unless --force is given.
+    """
+    require_log(out, reads=(program, machine), force=force)
+    require_picture(picture, reads=(program, machine, out))
     described = load_machine(machine)
     reading = read_path(
         program,
@@ -86,10 +91,9 @@ def plan(
         ignore=ignore,
     )
     path = reading.path
-    from duoglide.planning import compile_ahead
     from duoglide.planning.plan import plan as make_plan
 
-    with compile_ahead.beside(), progress("planning", 1.0) as done:
+    with planning() as done:
         trajectory = make_plan(described, path, brake_safe=brake_safe, progress=done)
     audit = trajectory.audit()
     trajectory.save(out)
@@ -98,11 +102,14 @@ def plan(
 
         save(trajectory.plot(), picture)
     if as_json:
-        numbers = plan_numbers(trajectory, audit)
-        say_json({"file": str(out), **numbers, **reading_numbers(reading)})
-    else:
-        say(f"{out}: {trajectory.duration:.4f} s")
-        say_facts(plan_facts(trajectory, audit) + reading_facts(reading))
+        files = {"file": str(out), "picture": None if picture is None else str(picture)}
+        numbers = {**plan_numbers(trajectory, audit), **reading_numbers(reading)}
+        say_json("plan", {**files, **numbers})
+        return
+    say(f"{out}: {trajectory.duration:.4f} s")
+    say_facts(plan_facts(trajectory, audit) + reading_facts(reading))
+    if picture is not None:
+        say(f"picture: {picture}")
 
 
 def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
@@ -127,13 +134,18 @@ def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
 def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
     """Return what a person wants to know of a plan."""
     rows = [
-        ("there and back", f"{2 * audit.duration:.4f} s, {audit.picks_per_minute:.0f} a minute"),
         ("worst use, velocity", f"{percent(audit.velocity)} of the limit, per carriage"),
         ("worst use, acceleration", percent(audit.acceleration)),
         ("worst use, jerk", percent(audit.jerk)),
         ("held back by", audit.explain()),
         ("least clearance", f"{audit.least_clearance:.2f} mm to a singular surface"),
     ]
+    if audit.picks:
+        rate = f"{audit.picks_per_minute:.0f} picks a minute"
+        if audit.picks == 1:
+            rows.insert(0, ("there and back", f"{2 * audit.duration:.4f} s, {rate}"))
+        else:
+            rows.insert(0, ("up, across, down", f"{audit.picks} times; {rate}, with the ways back"))
     if not isnan(audit.braking_clearance):
         least = f"{audit.braking_clearance:.2f} mm at least"
         rows.append(("while braking", f"{least}, every drive by itself"))

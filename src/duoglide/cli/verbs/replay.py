@@ -17,8 +17,8 @@ from duoglide.cli.options import (
     load_machine,
     override_factor,
 )
-from duoglide.cli.outputs import require_place
-from duoglide.cli.powered import View, page_beside, under_power
+from duoglide.cli.outputs import Force, require_log
+from duoglide.cli.powered import View, page_beside, require_page, under_power
 from duoglide.errors import InputError
 
 _HELP = """\
@@ -68,11 +68,13 @@ def replay(
     ] = None,
     view: View = None,
     machine: MachineFile = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Check a recorded run against the machine again, and stream it again: the same setpoints."""
     factor = override_factor(override) if override is not None else None
-    require_place(log)
+    require_log(log, reads=(run, machine), force=force)
+    require_page(view)
     from duoglide.playback.can_log import SUFFIXES
 
     if run.suffix.lower() in SUFFIXES:
@@ -93,7 +95,7 @@ def replay(
         report = run_with_progress(
             robot, again.trajectory, log=log, approach=again.approach, override=1.0
         )
-    finish(report, log, as_json)
+    finish("replay", report, log, as_json)
 
 
 def _play(file: Path, bus: str, channel: str | None, as_json: bool) -> None:
@@ -107,7 +109,8 @@ def _play(file: Path, bus: str, channel: str | None, as_json: bool) -> None:
     with working("sending frames"), open_bus(bus) as opened:
         count = play(frames, opened)
     if as_json:
-        say_json({"frames": count, "channel": frames.channel, "skipped": frames.skipped})
+        facts = {"frames": count, "channel": frames.channel, "skipped": frames.skipped}
+        say_json("replay", facts)
         return
-    left = f"; {frames.skipped} error frames or status lines left out" if frames.skipped else ""
+    left = f"; {frames.skipped} error frames were left out" if frames.skipped else ""
     say(f"{file}: {count} frames of {frames.channel} sent to {bus}{left}")

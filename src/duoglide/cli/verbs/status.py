@@ -48,7 +48,7 @@ def status(bus: Bus = "virtual", machine: MachineFile = None, as_json: Json = Fa
     with robot:
         numbers = _numbers(robot)
     if as_json:
-        say_json(numbers)
+        say_json("status", numbers)
         return
     say(f"three drives answer on {numbers['bus']}")
     say_facts(
@@ -89,7 +89,8 @@ def _report_overheard(
     if as_json:
         host = list(overheard.host)
         drive_columns = {key: [drive[key] for drive in drives] for key in drives[0]}
-        say_json({"bus": bus, "listening": True, "host": host, "homed": None, **drive_columns})
+        heard = {"bus": bus, "listening": True, "host": host, "homed": None}
+        say_json("status", {**heard, **drive_columns})
         return
     say(f"another host is on {bus}: only listened, nothing was sent")
     rows = [(f"axis {number}", _words(drive)) for number, drive in enumerate(drives, start=1)]

@@ -17,9 +17,8 @@ from duoglide.cli.options import (
     load_machine,
     override_factor,
 )
-from duoglide.cli.outputs import require_place
-from duoglide.cli.powered import View, page_beside, under_power
-from duoglide.errors import LogError
+from duoglide.cli.outputs import Force, require_log
+from duoglide.cli.powered import View, page_beside, require_page, under_power
 
 _HELP = """\
 Bring up the drives of a bus and stream a plan to them.
@@ -53,17 +52,17 @@ def stream(
     approach: Approach = False,
     view: View = None,
     machine: MachineFile = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Bring up the drives of a bus and stream a plan to them."""
     factor = override_factor(override)
-    require_place(log)
+    require_log(log, reads=(plan, machine), force=force)
+    require_page(view)
     from duoglide.motion.trajectory import Trajectory
 
     trajectory = Trajectory.load(plan)
     described = load_machine(machine) if machine is not None else trajectory.machine
-    if log is not None and log.resolve() == plan.resolve():
-        raise LogError(f"{log}: the log must not take the place of the plan")
     with under_power(described, bus) as robot, page_beside(robot, plan, view):
         report = run_with_progress(robot, trajectory, log=log, approach=approach, override=factor)
-    finish(report, log, as_json)
+    finish("stream", report, log, as_json)

@@ -39,7 +39,7 @@ def workspace(
     as_json: Json = False,
 ) -> None:
     """Measure the workspace: its size, the largest free box, the deepest and the best pose."""
-    require_picture(picture)
+    require_picture(picture, reads=(machine,))
     described = load_machine(machine)
     from duoglide.kinematics.workspace import analyse
 
@@ -51,7 +51,8 @@ def workspace(
 
         save(plot_workspace(described, report), picture)
     if as_json:
-        say_json(_numbers(report))
+        drawn = None if picture is None else str(picture)
+        say_json("workspace", {**_numbers(report), "picture": drawn})
         return
     say("where the platform's centre may be, with the machine's rails and clearance")
     say_facts(_facts(report))

@@ -15,8 +15,8 @@ class Happening(IntEnum):
     READY = 1  # [code: bits of Privileges]
     POWER = 3  # the goal has changed [detail: Power; value 1: and has been reached]
     STARTED = 4  # [detail: Phase; value: number of the prepared setpoints]
-    FINISHED = 5  # [value: path time]
-    STOPPED = 6  # [value: path time]
+    FINISHED = 5  # [detail: Phase; value: path time]
+    STOPPED = 6  # [detail: Phase; code 1: the drives stop by themselves; value: path time]
     ORDER = 7  # an order was carried out [detail: Command; value]
     REFUSED = 8  # an order was not [detail: Command; axis; code: Refusal]
     TRIP = 9  # see Trip

@@ -23,7 +23,7 @@ class Command(IntEnum):
     QUICK_STOP = 7
     FORGET = 8  # the latched trips, on purpose
     OUTPUTS = 9  # argument: axis index; value: 0x60FE:1 as a whole number
-    CLOSE = 10
+    CLOSE = 10  # whatever moves stops along its path first, and the power goes off
     STANDSTILL = 11  # value: for how long simulated drives stand still with this computer [s]
 
 

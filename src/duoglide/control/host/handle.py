@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from duoglide.control.channel.events import Happening, RunState
 from duoglide.control.channel.orders import Command
 from duoglide.control.host.happenings import describe_event
+from duoglide.control.host.interrupt import endings_interrupt, undisturbed
 from duoglide.control.host.report import RunReport, Tally, require_success
 from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError
 from duoglide.motion.rate import require_override
@@ -190,6 +191,11 @@ class RunHandle:
         return self._report is not None or self._failure is not None
 
     @property
+    def reported(self) -> bool:
+        """Whether ``wait`` has a report to return at once."""
+        return self._report is not None
+
+    @property
     def status(self) -> RunStatus:
         """Where the run is now.
 
@@ -263,13 +269,32 @@ class RunHandle:
 
 @contextmanager
 def stop_on_interrupt(handle: RunHandle) -> Iterator[None]:
-    """Let Ctrl-C stop a run along its path, before it goes on its way."""
+    """Let Ctrl-C, SIGTERM and SIGHUP stop a run along its path, before they go on their way.
+
+    The KeyboardInterrupt then says where the machine has stopped, and where the log is. More of
+    them change nothing until it stands.
+    """
+    with endings_interrupt():
+        try:
+            yield
+        except KeyboardInterrupt as interrupt:
+            with undisturbed():
+                interrupt.args = (_stop(handle),)
+            raise
+
+
+def _stop(handle: RunHandle) -> str:
+    """Stop a run that is interrupted and say how it ended; nothing may take the interrupt's place.
+
+    What goes wrong meanwhile is said instead: the drives are then stopped by whatever is left.
+    """
     try:
-        yield
-    except KeyboardInterrupt:
         handle.stop()
-        handle.wait(STOP_PATIENCE)
-        raise
+        report = handle.wait(STOP_PATIENCE)
+    except DuoglideError as error:
+        return str(error)
+    faults = "".join(f"{trip.words}; " for trip in report.faults)
+    return f"{faults}{report.ending}{f'; log: {report.log}' if report.log else ''}"
 
 
 def wait_to_the_end(handle: RunHandle) -> RunReport:
@@ -278,6 +303,8 @@ def wait_to_the_end(handle: RunHandle) -> RunReport:
     Raises:
         DriveError: It has been stopped by what ``require_success`` names.
         BusError: The bus has failed, or the streamer is gone.
+        KeyboardInterrupt: Ctrl-C, SIGTERM or SIGHUP has come; the machine has been stopped on its
+            path, and the log is whole.
     """
     with stop_on_interrupt(handle):
         report = handle.wait()

@@ -65,6 +65,28 @@ def _describe_power(event: EventEntry) -> tuple[EventKind, str]:
     return EventKind.NOTE, f"power {Power(event.detail).name.lower()}{reached}"
 
 
+def describe_stop(on_approach: bool, quick: bool, path_time: float) -> str:
+    """Say where a run has stopped: the same words and the same number wherever it is told.
+
+    Args:
+        on_approach: Whether it was on its way to the start.
+        quick: Whether the drives have stopped by themselves, off the path.
+        path_time: Along the approach, or along the trajectory [s].
+    """
+    where = "on the approach at" if on_approach else "at" if quick else "on the path at"
+    return f"{'quick stop' if quick else 'stopped'} {where} path time {path_time:.4f} s"
+
+
+def _describe_finish(event: EventEntry) -> tuple[EventKind, str]:
+    phase = Phase(event.detail).name.lower()
+    return EventKind.FINISHED, f"{phase} finished at path time {event.value:.4f} s"
+
+
+def _describe_stop(event: EventEntry) -> tuple[EventKind, str]:
+    on_approach = event.detail == Phase.APPROACH
+    return EventKind.STOP, describe_stop(on_approach, bool(event.code), event.value)
+
+
 def _describe_wait(outcome: str) -> Callable[[EventEntry], str]:
     return lambda e: f"axis {e.axis} input {e.detail} {outcome} after {e.value:.3f} s"
 
@@ -73,8 +95,8 @@ _WRITERS: dict[Happening, Callable[[EventEntry], tuple[EventKind, str]]] = {
     Happening.READY: lambda e: (EventKind.NOTE, "streamer is ready"),
     Happening.POWER: _describe_power,
     Happening.STARTED: lambda e: (EventKind.STARTED, f"{Phase(e.detail).name.lower()} started"),
-    Happening.FINISHED: lambda e: (EventKind.FINISHED, f"finished at path time {e.value:.4f} s"),
-    Happening.STOPPED: lambda e: (EventKind.STOP, f"stopped at path time {e.value:.4f} s"),
+    Happening.FINISHED: _describe_finish,
+    Happening.STOPPED: _describe_stop,
     Happening.ORDER: _describe_order,
     Happening.REFUSED: _describe_refusal,
     Happening.TRIP: _describe_trip,

@@ -47,9 +47,9 @@ def plan_approach(
         axis = int(np.argmax(away)) + 1
         where, there = (", ".join(f"{v:.3f}" for v in place) for place in (here, start))
         raise PathError(
-            f"the machine is not at the start: carriage {axis} is {away.max():.3f} mm away"
-            f" (platform at ({where}), start at ({there}) mm); ask for an approach"
-            " (approach=True, --approach)",
+            f"the machine is not at the start: carriage {axis} is {away.max():.3f} mm away;"
+            f" the platform is at ({where}), the start at ({there}) mm;"
+            " ask for an approach (approach=True, --approach)",
             position=tuple(here.tolist()),
             quantity="start",
             amount=float(away.max()),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _START_PATIENCE = 20.0  # [s] a loaded computer may take to start an interpreter
 _LOAD_PATIENCE = 5.0  # [s] for setpoints, beside what their size takes; the monitor waits 3 s
 _SLOWEST = 1e6  # [byte/s] at which a busy streamer, which reads between cycles, takes them over
-_CLOSE_PATIENCE = 3.0
+_CLOSE_PATIENCE = 12.0  # [s] for what still moves to stop on its path, and the power to go off
 
 
 class StreamerProcess:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from duoglide.arrays import AXES
-from duoglide.control.channel.events import Condition, Happening, Trip
+from duoglide.control.channel.events import Condition, Happening, Reaction, Trip
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.host.happenings import describe_event
+from duoglide.control.host.happenings import describe_event, describe_stop
 from duoglide.control.host.history import History, HistoryTally
 from duoglide.errors import BusError, DriveError, DriveFault, DriveTimeout, FollowingError
 from duoglide.storage.records import EventKind, EventRecord, Phase
@@ -68,7 +68,8 @@ class RunReport:
         completed: Whether it came to the end of its trajectory.
         cycles: Cycles streamed, approach and stop included.
         duration: From its first cycle to its last [s].
-        path_time: How far along the trajectory it came [s].
+        path_time: How far it came along the trajectory, or along the approach where it ended there
+            [s].
         lateness: Of its cycles.
         skipped: Cycles left out because the one before was late.
         lost: Feedback frames that did not come.
@@ -81,6 +82,7 @@ class RunReport:
         dropped: Records that the host was too slow to take; they are missing in the log.
         log: Where the log is; None if none was asked for.
         history: How following error and lateness went.
+        approaching: Whether it ended on its way to the start.
     """
 
     completed: bool
@@ -97,6 +99,15 @@ class RunReport:
     dropped: int = 0
     log: Path | None = None
     history: History = field(default_factory=History, compare=False)
+    approaching: bool = False
+
+    @property
+    def ending(self) -> str:
+        """How it ended, and where, in words."""
+        if self.completed:
+            return "completed"
+        quick = any(trip.reaction is Reaction.QUICK_STOP for trip in self.faults)
+        return describe_stop(self.approaching, quick, self.path_time)
 
     def plot(self) -> Figure:
         """Draw the worst following error and lateness over the time of the run.
@@ -115,7 +126,7 @@ class RunReport:
 
         late = self.lateness
         head = [
-            ("end", self._end),
+            ("end", self.ending),
             ("duration", f"{self.duration:.3f} s"),
             ("cycles", f"{self.cycles}, {self.skipped} left out"),
             (
@@ -138,16 +149,12 @@ class RunReport:
         figure = self._draw((5.4, 3.2)) if len(self.history.times) else None
         return notebook_html("Run", [head, axes], figure)
 
-    @property
-    def _end(self) -> str:
-        return "completed" if self.completed else f"stopped at path time {self.path_time:.3f} s"
-
     def __repr__(self) -> str:
         faults = "".join(f", {trip.words}" for trip in self.faults)
         worst = ", ".join(f"{error:.3f}" for error in self.following_error)
         return (
-            f"RunReport({self._end} in {self.duration:.3f} s, {self.cycles} cycles, {self.skipped}"
-            f" skipped, lateness median {self.lateness.median:.0f} us, worst"
+            f"RunReport({self.ending} in {self.duration:.3f} s, {self.cycles} cycles,"
+            f" {self.skipped} skipped, lateness median {self.lateness.median:.0f} us, worst"
             f" {self.lateness.worst:.0f} us, following error {worst} mm{faults})"
         )
 
@@ -158,6 +165,7 @@ class RunReport:
             "cycles": self.cycles,
             "duration": self.duration,
             "path_time": self.path_time,
+            "approaching": self.approaching,
             "lateness_us": {
                 "median": self.lateness.median,
                 "p99": self.lateness.p99,
@@ -178,7 +186,7 @@ class Tally:
     """Counts while a run goes on; the monitor's thread feeds it, ``report`` sums up.
 
     Attributes:
-        number: Of the prepared setpoints; those of an approach have another.
+        number: Of the setpoints in progress, those of an approach or of the run itself.
     """
 
     number: int
@@ -190,6 +198,7 @@ class Tally:
     first: int = 0
     last: int = 0
     completed: bool = False
+    approaching: bool = False
     faults: list[Trip] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
     history: HistoryTally = field(default_factory=HistoryTally)
@@ -204,7 +213,7 @@ class Tally:
         self.history.add(entry.time, entry.following, entry.lateness)
         for axis, error in enumerate(entry.following):
             self.worst[axis] = max(self.worst[axis], abs(error))
-        if entry.run == self.number and entry.phase in (Phase.PROGRAM, Phase.STOP):
+        if entry.run == self.number and entry.phase != Phase.HOLD:
             self.path_time = entry.path_time
 
     def add_event(self, event: EventEntry) -> None:
@@ -212,6 +221,11 @@ class Tally:
         self.events.append(TimedEvent(event.time * 1e-9, describe_event(event)))
         if event.kind == Happening.TRIP:
             self.faults.append(Trip.from_event(event))
+        elif event.kind == Happening.STARTED:
+            self.number, self.path_time = int(event.value), 0.0
+            self.approaching = event.detail == Phase.APPROACH
+        elif event.kind in (Happening.STOPPED, Happening.FINISHED):
+            self.path_time = event.value
 
     def report(
         self,
@@ -237,6 +251,7 @@ class Tally:
             dropped=dropped,
             log=log,
             history=self.history.history(np.abs(scales.mm((1, 1, 1)))),
+            approaching=self.approaching,
         )
 
 
@@ -248,10 +263,10 @@ def require_success(report: RunReport) -> None:
             in words, and where the log is.
         BusError: The bus has failed.
     """
-    log = f"; the log is {report.log}" if report.log else ""
+    log = f"; log: {report.log}" if report.log else ""
     for trip in report.faults:
         if trip.condition is not Condition.PRESSED:
-            raise _error(trip, f"stopped at path time {report.path_time:.4f} s{log}")
+            raise _error(trip, f"{report.ending}{log}")
     for _, event in report.events:
         if event.kind is EventKind.TIMEOUT:
             raise DriveTimeout(f"{event.text}{log}", axis=event.axis)

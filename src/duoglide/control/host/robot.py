@@ -18,6 +18,7 @@ from duoglide.control.host.handle import (
     RunPlan,
     wait_to_the_end,
 )
+from duoglide.control.host.interrupt import undisturbed
 from duoglide.control.host.prepare import plan_approach, prepare
 from duoglide.control.host.report import RunReport
 from duoglide.control.host.run_log import RunLog
@@ -91,15 +92,19 @@ class Robot:
         self.close()
 
     def close(self) -> None:
-        """Stop what moves, take the power off in order, and let go of the bus."""
-        try:
-            self._end_run()
-            if self._connection.process.alive:
-                self.disable()
-        except DuoglideError as error:
-            print(f"while closing: {error}", file=sys.stderr)
-        finally:
-            self._connection.close()
+        """Stop what moves, take the power off in order, and let go of the bus.
+
+        Ctrl-C and its like wait until that is done.
+        """
+        with undisturbed():
+            try:
+                self._end_run()
+                if self._connection.process.alive:
+                    self.disable()
+            except DuoglideError as error:
+                print(f"while closing: {error}", file=sys.stderr)
+            finally:
+                self._connection.close()
 
     # What it says
 
@@ -223,7 +228,7 @@ class Robot:
         approach: bool = False,
         override: float = 1.0,
     ) -> RunReport:
-        """Run a trajectory to its end; Ctrl-C stops along the path.
+        """Run a trajectory to its end; Ctrl-C, SIGTERM and SIGHUP stop along the path.
 
         Args:
             trajectory: What to run.
@@ -235,6 +240,7 @@ class Robot:
             NotHomedError: The reference is not known.
             PathError: The machine is not at the start, and no approach was asked for.
             DriveError: A drive has failed; the machine has been stopped and the log is whole.
+            KeyboardInterrupt: Says where the machine has been stopped, and where the log is.
         """
         return wait_to_the_end(self.start(trajectory, log, approach, override))
 

@@ -93,6 +93,7 @@ class Streamer:
         self._power, self._enabled = Power.SILENT, False
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
         self._departure = Departure()
+        self._closing = False
         self.done = False
         self.standstill = 0
 
@@ -160,7 +161,7 @@ class Streamer:
         elif order is Command.OUTPUTS:
             self._actions.set_outputs(argument, int(value))
         elif order is Command.CLOSE:
-            self.done = True
+            self._closing = True
         elif order is Command.STANDSTILL:
             self.standstill = round(value * 1e9)
             self._watch.policy = self._settings.allow_standstill(value)
@@ -226,7 +227,8 @@ class Streamer:
         watch.see_time(self._skipped, self._outbox.signs_of_life)
         seen.moving = self._follower is not None
         seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign
-        seen.host_gone = self._inbox.host_gone
+        self.done = self._closing and self._power is Power.OFF
+        seen.host_gone = self._inbox.host_gone or self._closing
         if self._power is not Power.SILENT:
             self._judge()
         elif seen.host_gone:
@@ -242,14 +244,16 @@ class Streamer:
         if reaction is before:
             return
         if reaction is Reaction.QUICK_STOP:
-            self._end_run(Happening.STOPPED)
+            self._end_run(Happening.STOPPED, by_themselves=True)
             self._power, self._enabled = Power.QUICK_STOP, False
         elif self._follower is not None:
             self._follower.stop()
 
-    def _end_run(self, kind: Happening) -> None:
-        if self._follower is not None:
-            self.tell(kind, value=self._follower.path_time)
+    def _end_run(self, kind: Happening, by_themselves: bool = False) -> None:
+        """Tell how a run has ended, if there is one; ``by_themselves``: the drives stop off it."""
+        if (follower := self._follower) is not None:
+            phase, code = follower.prepared.phase, int(by_themselves)
+            self.tell(kind, detail=phase, code=code, value=follower.path_time)
             self._follower = None
 
     def _leave(self) -> None:
