@@ -97,7 +97,7 @@ def build(kind: type[T], table: object, prefix: str) -> T:
         if key not in names:
             near = difflib.get_close_matches(key, names, 1)
             hint = f"; did you mean {dot}{near[0]}?" if near else f"; known: {', '.join(names)}"
-            raise ConfigError(f"{dot}{key}: no such key{hint}")
+            raise ConfigError(f"{dot}{key:.80}: no such key{hint}")
     for field in fields(kind):  # type: ignore[arg-type]  # a dataclass
         if (
             field.default is MISSING
