@@ -46,7 +46,7 @@ def as_floats(value: ArrayLike, name: str) -> FloatArray:
             raise TypeError(f"dtype {raw.dtype}")
         array: FloatArray = raw.astype(np.float64, copy=False)
     except (TypeError, ValueError) as error:
-        raise InputError(f"{name} must be real numbers, got {value!r}") from error
+        raise InputError(f"{name} must be real numbers, got {value!r:.80}") from error
     finite = np.isfinite(array)
     if not finite.all():
         index = tuple(int(i) for i in np.argwhere(~finite)[0])

@@ -24,7 +24,7 @@ class Box:
         object.__setattr__(self, "low", rules.triple("low", self.low))
         object.__setattr__(self, "high", rules.triple("high", self.high))
         if not isinstance(self.name, str):
-            raise ConfigError(f"name = {self.name!r}: must be text")
+            raise ConfigError(f"name = {self.name!r:.80}: must be text")
         for axis, low, high in zip("xyz", self.low, self.high, strict=True):
             if low >= high:
                 raise ConfigError(f"low = {self.low}: {axis} must be below {high:g} mm")

@@ -78,15 +78,17 @@ class Quirks:
             rules.whole(key, getattr(self, key), 0, 0xFFFFFFFF)
         rules.whole("quick_stop_option", self.quick_stop_option, -32768, 32767)
         if self.home_offset_sign not in (-1, 1):
-            raise ConfigError(f"home_offset_sign = {self.home_offset_sign!r}: must be +1 or -1")
+            raise ConfigError(f"home_offset_sign = {self.home_offset_sign!r:.80}: must be +1 or -1")
         if not isinstance(self.setpoint_timer, bool):
-            raise ConfigError(f"setpoint_timer = {self.setpoint_timer!r}: must be true or false")
+            raise ConfigError(
+                f"setpoint_timer = {self.setpoint_timer!r:.80}: must be true or false"
+            )
         self._check_absent()
         self._check_writes()
 
     def _check_absent(self) -> None:
         if not isinstance(self.absent, list | tuple):
-            raise ConfigError(f"absent = {self.absent!r}: must be a list of object indices")
+            raise ConfigError(f"absent = {self.absent!r:.80}: must be a list of object indices")
         for index in self.absent:
             if not isinstance(index, int) or index not in OPTIONAL_OBJECTS:
                 known = ", ".join(f"0x{i:04X}" for i in sorted(OPTIONAL_OBJECTS))
@@ -96,10 +98,10 @@ class Quirks:
 
     def _check_writes(self) -> None:
         if not isinstance(self.writes, list | tuple):
-            raise ConfigError(f"writes = {self.writes!r}: must be a list")
+            raise ConfigError(f"writes = {self.writes!r:.80}: must be a list")
         for write in self.writes:
             if not isinstance(write, list | tuple) or len(write) != 4:
-                raise ConfigError(f"writes: {write!r}: must be [index, subindex, value, bytes]")
+                raise ConfigError(f"writes: {write!r:.80}: must be [index, subindex, value, bytes]")
             index, subindex, value, size = write
             rules.whole("writes: index", index, 0x1000, 0xFFFF)
             rules.whole("writes: subindex", subindex, 0, 255)

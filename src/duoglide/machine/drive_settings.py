@@ -102,7 +102,7 @@ class DriveSettings:
             raise ConfigError(f"host_id = {self.host_id}: is the node number of a drive")
         if self.bit_rate not in BIT_RATES:
             allowed = ", ".join(map(str, BIT_RATES))
-            raise ConfigError(f"bit_rate = {self.bit_rate!r}: must be one of {allowed} bit/s")
+            raise ConfigError(f"bit_rate = {self.bit_rate!r:.80}: must be one of {allowed} bit/s")
 
     def _check_scale(self) -> None:
         for key in ("increments_per_mm", "quick_stop_deceleration"):
@@ -152,7 +152,7 @@ class DriveSettings:
             self._store(homing=rules.build(Homing, homing, "homing"))
         quirks: object = self.quirks
         if not isinstance(quirks, list | tuple) or len(quirks) != 3:
-            raise ConfigError(f"quirks = {quirks!r}: must be three tables, one per axis")
+            raise ConfigError(f"quirks = {quirks!r:.80}: must be three tables, one per axis")
         built = (
             item if isinstance(item, Quirks) else rules.build(Quirks, item, f"quirks[{i}]")
             for i, item in enumerate(quirks)

@@ -81,7 +81,7 @@ class Machine:
         for key, kind in _TABLES.items():
             value = getattr(self, key)
             if not isinstance(value, kind):
-                raise ConfigError(f"{key} = {value!r}: must be a {kind.__name__}")
+                raise ConfigError(f"{key} = {value!r:.80}: must be a {kind.__name__}")
         store(self, "clearance", rules.not_negative("clearance", self.clearance))
         store(self, "carriage_width", rules.not_negative("carriage_width", self.carriage_width))
         for key in ("tool_offset", "work_frame"):
@@ -115,7 +115,7 @@ class Machine:
             ConfigError: Not a path, no such file, not TOML, an unknown key, or a broken rule.
         """
         if not isinstance(path, str | os.PathLike):
-            raise ConfigError(f"machine file {path!r}: must be the path of a TOML file")
+            raise ConfigError(f"machine file {path!r:.80}: must be the path of a TOML file")
         try:
             text = decoded(Path(path).read_bytes())
         except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
@@ -145,7 +145,7 @@ class Machine:
         if "keep_out" in values:
             boxes = values["keep_out"]
             if not isinstance(boxes, list):
-                raise ConfigError(f"keep_out = {boxes!r}: must be a list of tables")
+                raise ConfigError(f"keep_out = {boxes!r:.80}: must be a list of tables")
             values["keep_out"] = [
                 rules.build(Box, box, f"keep_out[{i}]") for i, box in enumerate(boxes)
             ]

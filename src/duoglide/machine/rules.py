@@ -21,7 +21,7 @@ def number(key: str, value: object, unit: str = "mm") -> float:
     try:
         return as_number(value, key)
     except InputError as error:
-        raise ConfigError(f"{key} = {value!r}: must be one finite number [{unit}]") from error
+        raise ConfigError(f"{key} = {value!r:.80}: must be one finite number [{unit}]") from error
 
 
 def positive(key: str, value: object, unit: str = "mm") -> float:
@@ -43,7 +43,7 @@ def not_negative(key: str, value: object, unit: str = "mm") -> float:
 def whole(key: str, value: object, low: int, high: int) -> int:
     """Return ``value`` as an integer within [low, high], or raise ConfigError."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise ConfigError(f"{key} = {value!r}: must be a whole number")
+        raise ConfigError(f"{key} = {value!r:.80}: must be a whole number")
     if not low <= value <= high:
         raise ConfigError(f"{key} = {value}: must be from {low} to {high}")
     return int(value)
@@ -52,7 +52,7 @@ def whole(key: str, value: object, low: int, high: int) -> int:
 def three_whole(key: str, value: object, low: int, high: int) -> tuple[int, int, int]:
     """Return three whole numbers within [low, high], or raise ConfigError."""
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
-        raise ConfigError(f"{key} = {value!r}: must be three whole numbers")
+        raise ConfigError(f"{key} = {value!r:.80}: must be three whole numbers")
     first, second, third = (whole(f"{key}[{i}]", v, low, high) for i, v in enumerate(value))
     return first, second, third
 
@@ -62,9 +62,9 @@ def triple(key: str, value: object, unit: str = "mm") -> tuple[float, float, flo
     try:
         array = as_floats(value, key)  # type: ignore[arg-type]  # found out here
     except InputError as error:
-        raise ConfigError(f"{key} = {value!r}: must be finite numbers [{unit}]") from error
+        raise ConfigError(f"{key} = {value!r:.80}: must be finite numbers [{unit}]") from error
     if array.shape != (3,):
-        raise ConfigError(f"{key} = {value!r}: must be three numbers [{unit}]")
+        raise ConfigError(f"{key} = {value!r:.80}: must be three numbers [{unit}]")
     return float(array[0]), float(array[1]), float(array[2])
 
 
@@ -74,7 +74,7 @@ def per_carriage(key: str, value: object, unit: str) -> tuple[float, float, floa
     scalar = not array and (not isinstance(value, Sequence) or isinstance(value, str))
     values = triple(key, [value] * 3 if scalar else value, unit)
     if min(values) <= 0.0:
-        raise ConfigError(f"{key} = {value!r}: every value must be above 0 [{unit}]")
+        raise ConfigError(f"{key} = {value!r:.80}: every value must be above 0 [{unit}]")
     return values
 
 
@@ -91,7 +91,7 @@ def build(kind: type[T], table: object, prefix: str) -> T:
             missing, or a broken rule.
     """
     if not isinstance(table, Mapping):
-        raise ConfigError(f"{prefix} = {table!r}: must be a table")
+        raise ConfigError(f"{prefix} = {table!r:.80}: must be a table")
     dot = f"{prefix}." if prefix else ""
     names = [field.name for field in fields(kind)]  # type: ignore[arg-type]  # a dataclass
     meaning = {name: f" ({words})" for name, words in phrases(kind).items()}
@@ -101,7 +101,7 @@ def build(kind: type[T], table: object, prefix: str) -> T:
             hint = f"; known: {', '.join(names)}"
             if near:
                 hint = f"; did you mean {dot}{near[0]}?{meaning.get(near[0], '')}"
-            raise ConfigError(f"{dot}{key}: no such key{hint}")
+            raise ConfigError(f"{dot}{key:.80}: no such key{hint}")
     for field in fields(kind):  # type: ignore[arg-type]  # a dataclass
         if (
             field.default is MISSING

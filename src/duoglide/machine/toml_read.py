@@ -75,9 +75,9 @@ def _require_sane(tables: dict[str, Any]) -> None:
     while todo:
         name, value, depth = todo.pop()
         if depth > _DEEPEST:
-            raise InputError(f"{name}: nested more than {_DEEPEST} levels deep")
+            raise InputError(f"{name:.80}: nested more than {_DEEPEST} levels deep")
         if isinstance(value, int) and not -_LARGEST <= value < _LARGEST:
-            raise InputError(f"{name}: an integer of {value.bit_length()} bits; TOML has 64")
+            raise InputError(f"{name:.80}: an integer of {value.bit_length()} bits; TOML has 64")
         if isinstance(value, dict):
             todo += [(name or key, entry, depth + 1) for key, entry in value.items()]
         elif isinstance(value, list):

@@ -114,7 +114,7 @@ def action_from_dict(table: Mapping[str, Any]) -> Action:
     kind = values.pop("type", None)
     if kind not in _KINDS:
         known = ", ".join(_KINDS)
-        raise InputError(f"action type {kind!r} is not known; the types are {known}")
+        raise InputError(f"action type {kind!r:.80} is not known; the types are {known}")
     try:
         return _KINDS[kind](**values)
     except TypeError as error:
@@ -123,11 +123,11 @@ def action_from_dict(table: Mapping[str, Any]) -> Action:
 
 def _require_line(axis: object, bit: object, value: object) -> None:
     if isinstance(axis, bool) or not isinstance(axis, int) or axis not in _AXES:
-        raise InputError(f"axis = {axis!r}: must be 1, 2 or 3")
+        raise InputError(f"axis = {axis!r:.80}: must be 1, 2 or 3")
     if isinstance(bit, bool) or not isinstance(bit, int) or not 0 <= bit < _BITS:
-        raise InputError(f"bit = {bit!r}: must be a whole number from 0 to {_BITS - 1}")
+        raise InputError(f"bit = {bit!r:.80}: must be a whole number from 0 to {_BITS - 1}")
     if not isinstance(value, bool):
-        raise InputError(f"value = {value!r}: must be true or false")
+        raise InputError(f"value = {value!r:.80}: must be true or false")
 
 
 def _positive(value: object, name: str) -> float:

@@ -151,4 +151,4 @@ def _refuse_unknown(table: Mapping[str, Any], known: set[str], notes: ProgramNot
         if key not in known and not (key not in KEYS and notes.skip(key)):
             near = difflib.get_close_matches(key, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(sorted(known))}"
-            raise InputError(f"{key}: no such key; {hint}")
+            raise InputError(f"{key:.80}: no such key; {hint}")

@@ -168,7 +168,7 @@ class _File:
 
     def __post_init__(self) -> None:
         if not isinstance(self.fault, list | tuple):
-            raise ConfigError(f"fault = {self.fault!r}: must be [[fault]] tables")
+            raise ConfigError(f"fault = {self.fault!r:.80}: must be [[fault]] tables")
 
 
 def _three_plants(tables: object) -> tuple[PlantParameters, PlantParameters, PlantParameters]:
@@ -183,13 +183,13 @@ def _three_plants(tables: object) -> tuple[PlantParameters, PlantParameters, Pla
 
 def _planned(table: object, prefix: str) -> PlannedFault:
     if not isinstance(table, Mapping):
-        raise ConfigError(f"{prefix} = {table!r}: must be a table")
+        raise ConfigError(f"{prefix} = {table!r:.80}: must be a table")
     rest = dict(table)
     kind, after, since = rest.pop("kind", None), rest.pop("after", 0.0), rest.pop("since", "start")
     if kind not in _KINDS:
-        raise ConfigError(f"{prefix}.kind = {kind!r}: must be one of {', '.join(_KINDS)}")
+        raise ConfigError(f"{prefix}.kind = {kind!r:.80}: must be one of {', '.join(_KINDS)}")
     if since not in [member.value for member in Since]:
-        raise ConfigError(f"{prefix}.since = {since!r}: must be start or enabled")
+        raise ConfigError(f"{prefix}.since = {since!r:.80}: must be start or enabled")
     injection = rules.build(_KINDS[kind], rest, prefix)
     for field in fields(injection):
         _check(f"{prefix}.{field.name}", getattr(injection, field.name), str(field.type))
@@ -202,7 +202,7 @@ def _check(key: str, value: object, kind: str) -> None:
     """Hold a field of an injection to its type."""
     if kind == "bool":
         if not isinstance(value, bool):
-            raise ConfigError(f"{key} = {value!r}: must be true or false")
+            raise ConfigError(f"{key} = {value!r:.80}: must be true or false")
     elif kind == "int":
         rules.whole(key, value, 0, 0xFFFFFFFF)
     else:
