@@ -224,7 +224,8 @@ def test_a_torn_blf_is_refused_at_every_length(blf: Path) -> None:
 
 
 def test_a_blf_that_grows_without_end_or_has_objects_of_no_size_is_refused(blf: Path) -> None:
-    head = blf.read_bytes()[:144]
+    head, packed = blf.read_bytes()[:144], blf.read_bytes()[144 + 32 :]
+    whole = zlib.decompress(packed).rstrip(b"\0")
 
     def container(content: bytes, size: int | None = None) -> bytes:
         packed = zlib.compress(content)
@@ -235,6 +236,7 @@ def test_a_blf_that_grows_without_end_or_has_objects_of_no_size_is_refused(blf: 
 
     endless = b"LOBJ\x20\0\x01\0" + bytes(4) + b"\x01\0\0\0" + bytes(40)
     for content, why in (
+        (container(whole[:-10]), "it ends within an object"),
         (container(bytes(100_000_000)), "a container of 100000000 bytes"),
         (container(bytes(100_000_000), 1000), "a container that is cut"),
         (container(endless), "an object of it has 0 bytes"),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import recheck, recheck_repaced
 from duoglide.playback.replay import prepare as rerun
+from duoglide.playback.run_data import read_run
 from duoglide.storage import CycleRecord, LogKind, LogWarning, LogWriter, Phase, Topic, read_log
 
 Pace = Sequence[tuple[float, float, Phase]]
@@ -55,8 +57,6 @@ def test_a_changed_pace_keeps_the_stop_limits(
     bound = recheck_repaced(trajectory.machine, recorded.motion)
     assert bound.duration > trajectory.duration
     require_fit(bound, trajectory.machine)
-    from dataclasses import replace
-
     limits = trajectory.machine.limits
     strict = replace(trajectory.machine, stop_limits=limits)  # the change used its reserve
     with pytest.raises(dg.LimitError, match="jerk limit"):
@@ -90,6 +90,17 @@ def test_a_log_whose_setpoints_are_not_its_plans_is_refused(
             writer.write(Topic.CYCLE, t, CycleRecord(**fields))
     with pytest.raises(dg.LogError, match="setpoint of cycle 1030 is not that of the plan"):
         rebuild(read_log(tampered))
+
+
+def test_cycles_that_are_not_in_order_are_no_run(
+    write_run: WriteRun, at_full_speed: Pace, tmp_path: Path
+) -> None:
+    def twice(message: Message, topic: str) -> Message:
+        return replace(message, data=message.data.replace(b'"cycle":1030,', b'"cycle":1029,'))
+
+    file = rewrite(write_run(at_full_speed), tmp_path / "merged.mcap", {}, change=twice)
+    with pytest.raises(dg.LogError, match="cycle 1029 follows cycle 1029; it is not one run"):
+        read_run(read_log(file))
 
 
 def test_a_run_that_has_lost_cycles_of_its_program_is_not_replayed(
@@ -136,8 +147,6 @@ def test_a_log_without_its_plan_is_refused(tmp_path: Path) -> None:
 def test_the_motion_is_refused_by_name_where_another_machine_cannot_follow_it(
     trajectory: dg.Trajectory,
 ) -> None:
-    from dataclasses import replace
-
     machine = trajectory.machine
     slow = replace(machine, limits=dg.CarriageLimits(velocity=300.0))
     with pytest.raises(dg.LimitError, match=r"of the velocity limit of carriage \d .* --override"):
@@ -151,8 +160,6 @@ def test_the_motion_is_refused_by_name_where_another_machine_cannot_follow_it(
 
 
 def test_the_override_that_an_error_names_would_do(trajectory: dg.Trajectory) -> None:
-    from dataclasses import replace
-
     slow = replace(trajectory.machine, limits=dg.CarriageLimits(velocity=350.0, jerk=3e5))
     with pytest.raises(dg.LimitError) as refused:
         recheck(slow, trajectory)
@@ -167,8 +174,6 @@ def test_the_override_that_an_error_names_would_do(trajectory: dg.Trajectory) ->
 def test_a_held_run_with_waits_is_not_replayed_as_it_was(
     paced: Callable[[dict[int, float]], Pace], write_run: WriteRun, trajectory: dg.Trajectory
 ) -> None:
-    from dataclasses import replace
-
     from duoglide.playback import rebuild as module
 
     recorded = rebuild(read_log(write_run(paced({20: 0.9}))))

@@ -192,6 +192,7 @@ def raw(name: str, text: str) -> bytes:
         (with_(phase="program"), "phase = 'program'"),
         (with_(missing=8), "missing = 8: must be a whole number from 0 to 7"),
         (with_(cycle=-1), "cycle = -1"),
+        (with_(lateness=True), "lateness = True"),
         (with_(cycle=None), "cycle = None"),
         (with_(rate="1"), "rate = '1': must be a finite number"),
         (b'{"cycle": 7}', "has no 'phase'"),
