@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
 import warnings
@@ -217,7 +218,18 @@ def test_a_missing_extra_is_named(
         monkeypatch.setitem(sys.modules, module, None)
     assert "duoglide[parquet]" in refused(["log", "plan.mcap", "--parquet", "p.parquet"], capsys)
     assert "duoglide[view]" in refused(["view", "--port", "0"], capsys)
+    assert "duoglide[view]" in refused(["stream", "plan.mcap", "--view", "0"], capsys)
     assert not Path("p.parquet").exists()
+
+
+def test_a_page_that_cannot_be_served_is_refused_before_anything_gets_power(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        line = refused(["stream", "plan.mcap", "--view", port], capsys)
+    assert f"cannot serve the page on port {port}" in line
+    assert "virtual bus" not in line
 
 
 def test_the_workspace_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
