@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import duoglide as dg
-from duoglide.planning.programs import read_program
+from duoglide.planning.programs.read import read_program
 from duoglide.storage import EventKind
 
 PROGRAM = """\

@@ -12,7 +12,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 def test_every_file_that_the_walk_names_is_there() -> None:
     walk = README.split("## The walk of one move")[1].split("\n## ")[0]
-    files = re.findall(r"`([a-z_]+/[a-z_]+\.py)`", walk)
+    files = re.findall(r"`([a-z_]+(?:/[a-z_]+)+\.py)`", walk)
     assert len(files) > 20
     missing = [name for name in files if not (ROOT / "src" / "duoglide" / name).exists()]
     assert not missing

@@ -49,25 +49,25 @@ if TYPE_CHECKING:
     from duoglide.machine import DriveSettings as DriveSettings
     from duoglide.machine import Geometry as Geometry
     from duoglide.machine import Machine as Machine
-    from duoglide.motion.actions import Dwell as Dwell
-    from duoglide.motion.actions import SetOutput as SetOutput
-    from duoglide.motion.actions import WaitInput as WaitInput
-    from duoglide.motion.blend import Blend as Blend
-    from duoglide.motion.checked import CheckedPath as CheckedPath
     from duoglide.motion.motion import State as State
-    from duoglide.motion.path import Path as Path
+    from duoglide.motion.path.actions import Dwell as Dwell
+    from duoglide.motion.path.actions import SetOutput as SetOutput
+    from duoglide.motion.path.actions import WaitInput as WaitInput
+    from duoglide.motion.path.checked import CheckedPath as CheckedPath
+    from duoglide.motion.path.path import Path as Path
+    from duoglide.motion.rounding.blend import Blend as Blend
     from duoglide.motion.trajectory import Trajectory as Trajectory
-    from duoglide.planning.check import check_path as check_path
-    from duoglide.planning.jog import Jog as Jog
-    from duoglide.planning.jog import JogLimits as JogLimits
-    from duoglide.planning.pick_and_place import chain as chain
-    from duoglide.planning.pick_and_place import pick_and_place as pick_and_place
-    from duoglide.planning.pick_and_place import picks as picks
+    from duoglide.planning.check.check import check_path as check_path
     from duoglide.planning.plan import plan as plan
-    from duoglide.planning.program_planner import plan_program as plan_program
-    from duoglide.planning.programs import read_program as read_program
-    from duoglide.planning.recover import recover as recover
-    from duoglide.planning.transfer import transfer as transfer
+    from duoglide.planning.programs.pick_and_place import chain as chain
+    from duoglide.planning.programs.pick_and_place import pick_and_place as pick_and_place
+    from duoglide.planning.programs.pick_and_place import picks as picks
+    from duoglide.planning.programs.planner import plan_program as plan_program
+    from duoglide.planning.programs.read import read_program as read_program
+    from duoglide.planning.transfer.jog import Jog as Jog
+    from duoglide.planning.transfer.jog import JogLimits as JogLimits
+    from duoglide.planning.transfer.recover import recover as recover
+    from duoglide.planning.transfer.transfer import transfer as transfer
     from duoglide.playback.replay import replay as replay
 
 __version__ = "0.1.0"
@@ -102,20 +102,20 @@ _HOMES = {
         "inverse_all",
     ),
     "machine": ("Box", "CarriageLimits", "DriveSettings", "Geometry", "Machine"),
-    "motion.actions": ("Dwell", "SetOutput", "WaitInput"),
-    "motion.blend": ("Blend",),
-    "motion.checked": ("CheckedPath",),
+    "motion.path.actions": ("Dwell", "SetOutput", "WaitInput"),
+    "motion.rounding.blend": ("Blend",),
+    "motion.path.checked": ("CheckedPath",),
     "motion.motion": ("State",),
-    "motion.path": ("Path",),
+    "motion.path.path": ("Path",),
     "motion.trajectory": ("Trajectory",),
-    "planning.check": ("check_path",),
-    "planning.jog": ("Jog", "JogLimits"),
-    "planning.pick_and_place": ("chain", "pick_and_place", "picks"),
+    "planning.check.check": ("check_path",),
+    "planning.transfer.jog": ("Jog", "JogLimits"),
+    "planning.programs.pick_and_place": ("chain", "pick_and_place", "picks"),
     "planning.plan": ("plan",),
-    "planning.program_planner": ("plan_program",),
-    "planning.programs": ("read_program",),
-    "planning.recover": ("recover",),
-    "planning.transfer": ("transfer",),
+    "planning.programs.planner": ("plan_program",),
+    "planning.programs.read": ("read_program",),
+    "planning.transfer.recover": ("recover",),
+    "planning.transfer.transfer": ("transfer",),
     "playback.replay": ("replay",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -29,14 +29,14 @@ from toppra.constraint import JointAccelerationConstraint, JointVelocityConstrai
 
 import duoglide as dg
 from duoglide.arrays import FloatArray
-from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
+from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
+from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.profile import Profile
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning.blends import choose_blends
-from duoglide.planning.timed_curve import TimedCurve
-from duoglide.planning.timing import time_path
-from duoglide.planning.timing_grid import grid
-from duoglide.planning.timing_span import Effort, Search
+from duoglide.planning.rounding.choice import choose_blends
+from duoglide.planning.timing.grid import grid
+from duoglide.planning.timing.span import Effort, Search
+from duoglide.planning.timing.time_path import time_path
+from duoglide.planning.timing.timed_curve import TimedCurve
 
 copp_py: Any = None
 if importlib.util.find_spec("copp_py") is not None:

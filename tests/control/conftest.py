@@ -21,8 +21,8 @@ from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
 from duoglide.drives.simulation.firmware import FirmwareAxis
 from duoglide.errors import BusError
-from duoglide.motion.actions import Action
-from duoglide.motion.stopping import StopBounds
+from duoglide.motion.path.actions import Action
+from duoglide.motion.stop_bounds import StopBounds
 from duoglide.storage.records import Phase
 
 CYCLE = 2_000_000  # ns

@@ -247,7 +247,7 @@ def test_a_small_move_that_is_stopped_while_it_is_planned_does_not_begin(
         ready.stop()
         return dg.transfer(*parts)
 
-    monkeypatch.setattr("duoglide.planning.transfer.transfer", stopped_meanwhile)
+    monkeypatch.setattr("duoglide.planning.transfer.transfer.transfer", stopped_meanwhile)
     with pytest.raises(dg.DriveError, match="stop was commanded"):
         ready.jog((0.0, 1.0, 0.0))
     assert ready.current_run is None

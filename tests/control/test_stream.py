@@ -12,7 +12,7 @@ from duoglide.control.channel.orders import Command, Power
 from duoglide.control.streamer.clock import run_cycles
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
-from duoglide.motion.actions import SetOutput, WaitInput
+from duoglide.motion.path.actions import SetOutput, WaitInput
 
 
 def test_nothing_but_sync_and_heartbeat_is_sent_before_the_power_is_wanted(bench: Any) -> None:

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning import programs
-from duoglide.planning.programs import read_program
+from duoglide.motion.path.rounded import round_corners
+from duoglide.planning.programs import read as programs
+from duoglide.planning.programs.read import read_program
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from mutate import Outcome, Target, fuzz

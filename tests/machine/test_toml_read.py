@@ -6,7 +6,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.drives.simulation.scenario import Scenario
-from duoglide.planning.programs import read_program
+from duoglide.planning.programs.read import read_program
 
 DEEP = "a = " + "[" * 2000
 NESTED = "a = " + "[" * 60 + "]" * 60

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 import duoglide as dg
-from duoglide.motion.actions import (
+from duoglide.motion.path.actions import (
     Action,
     Dwell,
     SetOutput,

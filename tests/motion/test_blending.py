@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.motion.actions import Dwell, SetOutput
-from duoglide.motion.blend import Blend
-from duoglide.motion.rounded_path import RoundedPath, round_corners
+from duoglide.motion.path.actions import Dwell, SetOutput
+from duoglide.motion.path.rounded import RoundedPath, round_corners
+from duoglide.motion.rounding.blend import Blend
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
 

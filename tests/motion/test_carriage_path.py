@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
+from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.motion.curve import Curve
-from duoglide.motion.curve_bounds import curve_bounds
-from duoglide.motion.rounded_path import round_corners
+from duoglide.motion.curve.bounds import curve_bounds
+from duoglide.motion.curve.curve import Curve
+from duoglide.motion.path.rounded import round_corners
 
 SETTINGS = settings(max_examples=20, deadline=None, derandomize=True)
 

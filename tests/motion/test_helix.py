@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.curve import Curve
-from duoglide.motion.curve_bounds import curve_bounds
-from duoglide.motion.path_segments import (
+from duoglide.motion.curve.bounds import curve_bounds
+from duoglide.motion.curve.curve import Curve
+from duoglide.motion.path.rounded import round_corners
+from duoglide.motion.path.segments import (
     Helix,
     Line,
     backwards,
     segment_from_dict,
     segment_to_dict,
 )
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning._motion_kernel import _point
+from duoglide.planning.timing._motion_kernel import _point
 
 Z = (0.0, 0.0, 1.0)
 RISING = Helix((10.0, 0.0, 300.0), (-10.0, 0.0, 306.0), (0.0, 0.0, 300.0), Z, 3.0 * pi)

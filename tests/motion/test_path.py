@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.actions import Dwell, SetOutput, WaitInput
-from duoglide.motion.blend import Blend
-from duoglide.motion.rounded_path import round_corners
+from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
+from duoglide.motion.path.rounded import round_corners
+from duoglide.motion.rounding.blend import Blend
 
 CORNERS = [(0.0, 0.0, 0.0), (10.0, 0.0, 0.0), (10.0, 20.0, 0.1)]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.curve_picture import plot_in_machine
-from duoglide.motion.rounded_path import round_corners
+from duoglide.motion.curve.picture import plot_in_machine
+from duoglide.motion.path.rounded import round_corners
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from duoglide.errors import InputError
-from duoglide.motion.rate import ClockState, PathClock
-from duoglide.motion.stopping import RateTable, StopBounds, change_time
+from duoglide.motion.path_clock import ClockState, PathClock
+from duoglide.motion.stop_bounds import RateTable, StopBounds, change_time
 
 CYCLE = 0.002
 BOUNDS = StopBounds.constant(2.0, slope=20.0, bend=2000.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from duoglide.errors import InputError
-from duoglide.motion.stopping import RateTable, StopBounds, change_time
+from duoglide.motion.stop_bounds import RateTable, StopBounds, change_time
 
 
 def table(slope: list[float], until: float) -> RateTable:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.actions import Dwell, SetOutput, WaitInput
+from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
 
 
 @pytest.fixture(scope="module")

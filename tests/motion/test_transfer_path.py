@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.transfer_path import TransferPath
+from duoglide.motion.path.transfer import TransferPath
 
 MACHINE = dg.Machine.default()
 BREAKS = np.array([0.0, 0.5, 0.8])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.blend import Blend
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning.blends import choose_blends
+from duoglide.motion.path.rounded import round_corners
+from duoglide.motion.rounding.blend import Blend
+from duoglide.planning.rounding.choice import choose_blends
 
 PICK, PLACE = (-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0)
 

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
+from duoglide.kinematics.headroom.nearby import Patch, room_on
+from duoglide.kinematics.headroom.room import Room
 from duoglide.motion.audit import audit
-from duoglide.planning import braking
-from duoglide.planning._admissible import Room
-from duoglide.planning._nearby import Patch, room_on
-from duoglide.planning.braking import Brakes, brake_report
-from duoglide.planning.braking_caps import brake_caps, make_brake_safe
+from duoglide.planning.braking import certificate as braking
+from duoglide.planning.braking.certificate import Brakes, brake_report
+from duoglide.planning.braking.make_safe import brake_caps, make_brake_safe
 
 MACHINE = dg.Machine.default()
 A, B = (-80.0, -100.0, 300.0), (40.0, 100.0, 290.0)

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 import duoglide as dg
 from duoglide.kinematics.singularity import clearance_gradient
-from duoglide.motion.actions import Dwell, SetOutput
-from duoglide.motion.checked import CheckedPath
-from duoglide.motion.curve import Curve
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning.check import check_curve
-from duoglide.planning.check_rules import Rules
-from duoglide.planning.check_search import first_failure
+from duoglide.motion.curve.curve import Curve
+from duoglide.motion.path.actions import Dwell, SetOutput
+from duoglide.motion.path.checked import CheckedPath
+from duoglide.motion.path.rounded import round_corners
+from duoglide.planning.check.check import check_curve
+from duoglide.planning.check.rules import Rules
+from duoglide.planning.check.search import first_failure
 
 SETTINGS = settings(max_examples=4, deadline=None, derandomize=True)
 STANDARD = ((-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0))

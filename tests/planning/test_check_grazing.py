@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning.check_rules import Rules
-from duoglide.planning.check_search import first_failure
+from duoglide.motion.path.rounded import round_corners
+from duoglide.planning.check.rules import Rules
+from duoglide.planning.check.search import first_failure
 
 
 @pytest.mark.parametrize(("room", "expected"), [(1e-6, True), (8e-8, False), (-1e-6, False)])

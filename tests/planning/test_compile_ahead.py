@@ -11,8 +11,11 @@ from duoglide.planning import compile_ahead
 
 AHEAD = """
 import duoglide as dg
-from duoglide.planning import compile_ahead, _brake_kernel, _carriage_bounds, _nearby_kernel
-from duoglide.planning import _stopping_kernel
+from duoglide.planning import compile_ahead
+from duoglide.planning.braking import _kernel as _brake_kernel
+from duoglide.planning.braking import _carriage_bounds
+from duoglide.kinematics.headroom import _nearby_kernel
+from duoglide.planning.stops import _kernel as _stopping_kernel
 compile_ahead.main()
 loops = [
     _brake_kernel.brake_patches, _carriage_bounds.through_links, _nearby_kernel.swing,

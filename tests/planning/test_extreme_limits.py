@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.planning.braking import brake_report
-from duoglide.planning.timing_base import seven_phases
+from duoglide.planning.braking.certificate import brake_report
+from duoglide.planning.timing.base import seven_phases
 
 MOVE = dg.pick_and_place((-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0), 25.0, 4.0)
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.actions import Dwell, SetOutput, WaitInput
-from duoglide.motion.path_segments import Helix
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning.gcode import read_gcode
+from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
+from duoglide.motion.path.rounded import round_corners
+from duoglide.motion.path.segments import Helix
+from duoglide.planning.programs.gcode import read_gcode
 
 
 def test_straight_moves_feeds_comments_and_line_numbers() -> None:
@@ -319,7 +319,7 @@ def test_to_dwell_for_no_time_is_nothing(word: str) -> None:
 
 
 def test_smoothness_without_a_number_is_that_of_the_program_and_says_so() -> None:
-    from duoglide.planning.program_notes import ProgramNotes
+    from duoglide.planning.programs.notes import ProgramNotes
 
     text = CIRCLE + "G1 Y10\nG61\nX-10\nG64\nY20\nX-20\nG64 P0.2\nY30\nX-30"
     notes = ProgramNotes()

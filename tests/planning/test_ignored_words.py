@@ -5,9 +5,9 @@ import pathlib
 import pytest
 
 import duoglide as dg
-from duoglide.planning.gcode import read_gcode
-from duoglide.planning.program_notes import ProgramNotes
-from duoglide.planning.programs import read_program, read_with_notes
+from duoglide.planning.programs.gcode import read_gcode
+from duoglide.planning.programs.notes import ProgramNotes
+from duoglide.planning.programs.read import read_program, read_with_notes
 
 HEAD = "G21 G90\nG0 X0 Y0 Z300\n"
 SLICED = """\

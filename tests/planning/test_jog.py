@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.planning.jog import Jog, JogLimits, _bends, _sampled
+from duoglide.planning.transfer.jog import Jog, JogLimits, _bends, _sampled
 
 MACHINE = dg.Machine.default()
 CYCLE = MACHINE.drives.cycle

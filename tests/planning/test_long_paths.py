@@ -9,12 +9,13 @@ import pytest
 
 import duoglide as dg
 from duoglide.motion.audit import audit
-from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
+from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.timing_report import TimingMethod
-from duoglide.planning import _interior_point, _retiming_solver
-from duoglide.planning.timed_curve import TimedCurve
-from duoglide.planning.timing import time_path
-from duoglide.planning.timing_span import Effort, time_span
+from duoglide.planning.timing import _interior_point
+from duoglide.planning.timing import _solver as _retiming_solver
+from duoglide.planning.timing.span import Effort, time_span
+from duoglide.planning.timing.time_path import time_path
+from duoglide.planning.timing.timed_curve import TimedCurve
 
 QUICK = Effort(per_piece=2, rounds=2, refine=0, polish=1)
 

@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
+from duoglide.kinematics.headroom.nearby import Patch, room_on, swing_of, with_pairs
+from duoglide.kinematics.headroom.room import locate, room
+from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
-from duoglide.motion.stopping import StopBounds
-from duoglide.motion.transfer_path import TransferPath
-from duoglide.planning._admissible import locate, room
-from duoglide.planning._brake_cells import BrakeCells, Brakes
-from duoglide.planning._carriage_bounds import CarriageBounds
-from duoglide.planning._certify import keeps
-from duoglide.planning._nearby import Patch, room_on, swing_of, with_pairs
-from duoglide.planning._rest_to_rest import rest_to_rest
-from duoglide.planning.braking import brake_report
+from duoglide.motion.stop_bounds import StopBounds
+from duoglide.planning.braking._carriage_bounds import CarriageBounds
+from duoglide.planning.braking._cells import BrakeCells, Brakes
+from duoglide.planning.braking.certificate import brake_report
+from duoglide.planning.transfer._rest_to_rest import rest_to_rest
+from duoglide.planning.transfer.certificate import keeps
 
 TABLE = dg.Machine.default().to_dict()["geometry"]
 FAMILIES = ("clearance", "travel", "order", "keep_out")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.actions import Dwell, SetOutput
-from duoglide.motion.blend import Blend
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning.pick_and_place import chain, picks
+from duoglide.motion.path.actions import Dwell, SetOutput
+from duoglide.motion.path.rounded import round_corners
+from duoglide.motion.rounding.blend import Blend
+from duoglide.planning.programs.pick_and_place import chain, picks
 
 PICK, PLACE = (-41.0, -100.0, 295.0), (-41.0, 100.0, 290.0)
 

@@ -5,8 +5,8 @@ import pathlib
 import pytest
 
 import duoglide as dg
-from duoglide.planning.program_csv import read_csv
-from duoglide.planning.programs import read_program
+from duoglide.planning.programs.csv_points import read_csv
+from duoglide.planning.programs.read import read_program
 
 
 def points(text: str) -> tuple[tuple[float, float, float], ...]:

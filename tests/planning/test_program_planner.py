@@ -12,14 +12,16 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.rate import ClockState, PathClock
-from duoglide.motion.stopping import StopBounds
+from duoglide.motion.path_clock import ClockState, PathClock
+from duoglide.motion.stop_bounds import StopBounds
 from duoglide.motion.timing_report import TimingMethod
-from duoglide.planning import program_planner, program_windows, timing_moving
-from duoglide.planning.braking import brake_report
-from duoglide.planning.program_windows import Seam
-from duoglide.planning.timing_base import seven_phases
-from duoglide.planning.timing_lead import Lead
+from duoglide.planning.braking.certificate import brake_report
+from duoglide.planning.programs import planner as program_planner
+from duoglide.planning.programs import windows as program_windows
+from duoglide.planning.programs.windows import Seam
+from duoglide.planning.timing import moving as timing_moving
+from duoglide.planning.timing.base import seven_phases
+from duoglide.planning.timing.lead import Lead
 
 STEP = 1.0 / 20_000.0
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.actions import Dwell, SetOutput, WaitInput
-from duoglide.motion.rounded_path import round_corners
-from duoglide.planning import programs
-from duoglide.planning.programs import read_program
+from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
+from duoglide.motion.path.rounded import round_corners
+from duoglide.planning.programs import read as programs
+from duoglide.planning.programs.read import read_program
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.planning._admissible import locate, room
-from duoglide.planning.recover import RESERVE, recover
+from duoglide.kinematics.headroom.room import locate, room
+from duoglide.planning.transfer.recover import RESERVE, recover
 
 MACHINE = dg.Machine.default()
 

@@ -20,10 +20,10 @@ import pytest
 
 import duoglide as dg
 from duoglide.arrays import FloatArray
-from duoglide.motion.blend import Blend
-from duoglide.motion.carriage_path import CarriagePath
-from duoglide.planning import blends
-from duoglide.planning.timing_span import Rough
+from duoglide.motion.path.carriage import CarriagePath
+from duoglide.motion.rounding.blend import Blend
+from duoglide.planning.rounding import choice as blends
+from duoglide.planning.timing.span import Rough
 
 DURATION = 1e-6  # relative, to which plans agree
 CUT_BACK = 1e-3  # mm

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.motion.transfer_path import TransferPath
-from duoglide.planning._rest_to_rest import rest_to_rest
+from duoglide.motion.path.transfer import TransferPath
+from duoglide.planning.transfer._rest_to_rest import rest_to_rest
 
 STRAIGHT, FREE = ruckig.Synchronization.Phase, ruckig.Synchronization.Time
 

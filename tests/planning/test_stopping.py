@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.motion.rate import ClockState, PathClock
-from duoglide.motion.stopping import StopBounds
-from duoglide.planning._stopping_kernel import largest_slopes, windows
-from duoglide.planning.stopping import stop_bounds
+from duoglide.motion.path_clock import ClockState, PathClock
+from duoglide.motion.stop_bounds import StopBounds
+from duoglide.planning.stops._kernel import largest_slopes, windows
+from duoglide.planning.stops.certificate import stop_bounds
 
 STEPS = 1400  # of a clock in the time of a trajectory
 MACHINE = dg.Machine.default()

@@ -7,12 +7,12 @@ import pytest
 import ruckig
 
 import duoglide as dg
-from duoglide.motion.blend import Blend
-from duoglide.motion.carriage_path import map_to_carriages
-from duoglide.motion.curve import Curve
-from duoglide.planning.timed_curve import TimedCurve
-from duoglide.planning.timing import time_path
-from duoglide.planning.timing_span import Effort, time_span
+from duoglide.motion.curve.curve import Curve
+from duoglide.motion.path.carriage import map_to_carriages
+from duoglide.motion.rounding.blend import Blend
+from duoglide.planning.timing.span import Effort, time_span
+from duoglide.planning.timing.time_path import time_path
+from duoglide.planning.timing.timed_curve import TimedCurve
 
 PICK, PLACE = (-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0)
 

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.motion.transfer_path import TransferPath
-from duoglide.planning._admissible import locate, room
-from duoglide.planning.transfer import transfer_carriages
+from duoglide.kinematics.headroom.room import locate, room
+from duoglide.motion.path.transfer import TransferPath
+from duoglide.planning.transfer.transfer import transfer_carriages
 
 MACHINE = dg.Machine.default()
 A, B = (-80.0, -100.0, 300.0), (40.0, 100.0, 290.0)

@@ -8,7 +8,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.channel.scale import Scales
-from duoglide.motion.rate import PathClock
+from duoglide.motion.path_clock import PathClock
 from duoglide.storage import (
     ClockAnchor,
     CycleRecord,

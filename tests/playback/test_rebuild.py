@@ -13,7 +13,7 @@ import duoglide as dg
 from duoglide.control.channel.setpoints import Fence
 from duoglide.control.host.fitness import require_fit
 from duoglide.control.host.prepare import prepare
-from duoglide.motion.actions import WaitInput
+from duoglide.motion.path.actions import WaitInput
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
 from duoglide.playback.recheck import recheck, recheck_repaced

@@ -13,7 +13,7 @@ from duoglide.cli.console import progress
 from duoglide.cli.options import number, point
 
 if TYPE_CHECKING:
-    from duoglide.planning.programs import Reading
+    from duoglide.planning.programs.read import Reading
 
 Program: TypeAlias = Annotated[
     Path | None,
@@ -85,7 +85,7 @@ def read_path(
         typer.BadParameter: Not one of a program, points, and a pick and a place; or no numbers.
         DuoglideError: The program cannot be read, or describes no path.
     """
-    from duoglide.planning.programs import Reading, read_with_notes
+    from duoglide.planning.programs.read import Reading, read_with_notes
 
     rounding = number(tolerance, "--tolerance", "mm") if tolerance is not None else None
     if program is not None:
@@ -99,13 +99,13 @@ def read_path(
     if points:
         if any(value is not None for value in (pick, place, lift)):
             raise typer.BadParameter("--pick, --place and --lift do not go with --point")
-        from duoglide.motion.path import Path as MotionPath
+        from duoglide.motion.path.path import Path as MotionPath
 
         corners = [point(text, "--point") for text in points]
         return Reading(MotionPath.polyline(corners, rounding))
     if pick is None or place is None:
         raise typer.BadParameter("give a PROGRAM, or --point twice, or --pick and --place X,Y,Z")
-    from duoglide.planning.pick_and_place import pick_and_place
+    from duoglide.planning.programs.pick_and_place import pick_and_place
 
     return Reading(
         pick_and_place(

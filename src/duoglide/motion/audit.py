@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
 from duoglide.machine import CarriageLimits
-from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.motion import Motion
+from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.picks import count_picks
 
 RATE = 20_000.0  # samples per second of the finite differences

@@ -16,8 +16,8 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
-from duoglide.motion.carriage_path import CarriagePath
 from duoglide.motion.motion import Motion
+from duoglide.motion.path.carriage import CarriagePath
 
 GRIDS = (200, 400)  # cells between two rests
 _OFF = 1.5  # times the difference of both grids, to come below the limit

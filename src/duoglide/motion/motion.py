@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from duoglide.arrays import FloatArray, as_floats, as_number
 from duoglide.errors import InputError
 from duoglide.machine import Machine
-from duoglide.motion.carriage_path import CarriagePath
-from duoglide.motion.path_segments import show
+from duoglide.motion.path.carriage import CarriagePath
+from duoglide.motion.path.segments import show
+from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingReport
-from duoglide.motion.transfer_path import TransferPath
 
 _STILL = 1e-6  # mm/s
 _MOST_SAMPLES = 10_000_000  # some gigabytes

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from duoglide.motion.path_segments import COINCIDENT, Line, Segment
+from duoglide.motion.path.segments import COINCIDENT, Line, Segment
 
 if TYPE_CHECKING:
-    from duoglide.motion.path import Path
+    from duoglide.motion.path.path import Path
 
 _PICKS = re.compile("(u+ad+)+")  # up, across, down
 

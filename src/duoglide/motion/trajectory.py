@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from duoglide.errors import ConfigError, DuoglideError, InputError, LogError
-from duoglide.motion.actions import Action, Dwell, action_from_dict
-from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
-from duoglide.motion.checked import CheckedPath
 from duoglide.motion.motion import Motion
+from duoglide.motion.path.actions import Action, Dwell, action_from_dict
+from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
+from duoglide.motion.path.checked import CheckedPath
+from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
-from duoglide.motion.stopping import StopBounds
+from duoglide.motion.stop_bounds import StopBounds
 from duoglide.motion.timing_report import TimingReport
-from duoglide.motion.transfer_path import TransferPath
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -146,12 +146,12 @@ class Trajectory(Motion):
         Returns:
             A matplotlib figure; a notebook shows it, ``savefig`` writes it.
         """
-        from duoglide.motion.motion_picture import plot_motion
+        from duoglide.motion.picture import plot_motion
 
         return plot_motion(self)
 
     def _repr_html_(self) -> str:
-        from duoglide.motion.motion_picture import motion_html
+        from duoglide.motion.picture import motion_html
 
         return motion_html(self, actions=len(self.actions))
 

@@ -36,7 +36,7 @@ def beside() -> Iterator[None]:
 def ready() -> bool:
     """Whether a plan need not wait for the compiler."""
     from duoglide.kinematics.compiled import kept
-    from duoglide.planning._brake_kernel import brake_patches
+    from duoglide.planning.braking._kernel import brake_patches
 
     return kept(brake_patches)
 
@@ -57,13 +57,13 @@ def _start() -> subprocess.Popen[bytes] | None:
 def main() -> None:
     """Plan the stops and the brakes of a move that needs no solver."""
     from duoglide.machine import Machine
-    from duoglide.motion.carriage_path import map_to_carriages
     from duoglide.motion.motion import Motion
-    from duoglide.motion.path import Path
+    from duoglide.motion.path.carriage import map_to_carriages
+    from duoglide.motion.path.path import Path
     from duoglide.motion.profile import Profile
-    from duoglide.planning.braking import brake_report
-    from duoglide.planning.check import check_path
-    from duoglide.planning.stopping import stop_bounds
+    from duoglide.planning.braking.certificate import brake_report
+    from duoglide.planning.check.check import check_path
+    from duoglide.planning.stops.certificate import stop_bounds
 
     machine = Machine.default()
     path = Path.line((-41.0, 0.0, 300.0), (-41.0, _LENGTH, 300.0))

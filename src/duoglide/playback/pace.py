@@ -9,7 +9,7 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import ACCELERATION, TIME, Profile
 from duoglide.motion.trajectory import Trajectory
-from duoglide.planning.stopping import stop_bounds
+from duoglide.planning.stops.certificate import stop_bounds
 
 _PARTS = 4  # knots a cycle
 _APART = 2e-5  # [s] at least between two knots

@@ -14,10 +14,10 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.control.channel.scale import Scales
 from duoglide.errors import ConfigError, InputError, LogError
-from duoglide.motion.actions import WaitInput
+from duoglide.motion.path.actions import WaitInput
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.motion.trajectory import Trajectory
-from duoglide.planning.stopping import stop_bounds
+from duoglide.planning.stops.certificate import stop_bounds
 from duoglide.playback.pace import repaced_profile
 from duoglide.playback.run_data import IntArray, RunData, read_run
 from duoglide.storage import Document, Log, LogKind

@@ -10,12 +10,12 @@ from duoglide.arrays import FloatArray
 from duoglide.control.host.fitness import measure_cycles
 from duoglide.errors import LimitError
 from duoglide.machine import Machine
-from duoglide.motion.carriage_path import CarriagePath, map_to_carriages
+from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
+from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.trajectory import Trajectory
-from duoglide.motion.transfer_path import TransferPath
-from duoglide.planning._certify import certify
-from duoglide.planning.check import check_curve
-from duoglide.planning.stopping import stop_bounds
+from duoglide.planning.check.check import check_curve
+from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.transfer.certificate import certify
 
 _ALLOWED = 1.001  # use of a limit, as audits allow it
 _NAMES = ("velocity", "acceleration", "jerk")

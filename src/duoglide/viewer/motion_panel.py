@@ -11,8 +11,8 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import DuoglideError
-from duoglide.planning.pick_and_place import pick_and_place
 from duoglide.planning.plan import plan
+from duoglide.planning.programs.pick_and_place import pick_and_place
 from duoglide.viewer.mechanism import CARRIAGES, METRES
 from duoglide.viewer.pose_panel import PosePanel
 from duoglide.viewer.recording import Recording, load_recording, recording_of

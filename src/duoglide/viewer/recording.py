@@ -12,7 +12,7 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import LogError
 from duoglide.kinematics.model import forward, reachable
 from duoglide.kinematics.singularity import clearance
-from duoglide.motion.carriage_path import CarriagePath
+from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.picks import count_picks
 from duoglide.motion.trajectory import Trajectory
 from duoglide.playback.run_data import RunData, read_run

@@ -26,8 +26,8 @@ from duoglide.errors import PathError
 
 if TYPE_CHECKING:
     from duoglide.machine import Machine
-    from duoglide.motion.checked import CheckedPath, LeastMargin
-    from duoglide.motion.path import Path as MotionPath
+    from duoglide.motion.path.checked import CheckedPath, LeastMargin
+    from duoglide.motion.path.path import Path as MotionPath
 
 _HELP = """\
 Explain a path in words: reach, rails, order of the carriages, room to every singularity.
@@ -90,7 +90,7 @@ def check(
         ignore=ignore,
     )
     path = reading.path
-    from duoglide.planning.check import check_path
+    from duoglide.planning.check.check import check_path
 
     try:
         with working("checking"):
@@ -119,8 +119,8 @@ def _draw_refused(
 ) -> Path | None:
     """Draw where a path fails, unless its blends do not fit: then there is nothing to draw."""
     from duoglide.drawing.picture import save
-    from duoglide.motion.curve_picture import plot_in_machine
-    from duoglide.motion.rounded_path import round_corners
+    from duoglide.motion.curve.picture import plot_in_machine
+    from duoglide.motion.path.rounded import round_corners
 
     if not error.position:
         return None

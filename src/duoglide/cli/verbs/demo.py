@@ -128,8 +128,8 @@ def demo(
 
 
 def _plan(machine: Machine) -> Trajectory:
-    from duoglide.planning.pick_and_place import pick_and_place
     from duoglide.planning.plan import plan
+    from duoglide.planning.programs.pick_and_place import pick_and_place
 
     there = pick_and_place(_PICK, _PLACE, lift=_LIFT)
     back = pick_and_place(_PLACE, _PICK, lift=_LIFT)

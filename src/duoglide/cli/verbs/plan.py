@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 _HELP = """\
 Check a path, time it near its optimum under the carriages' limits, and write the plan.
+
+A plan or a run that is there already is kept unless --force is given.
 """
 _EXAMPLE = """\
 Examples:

@@ -23,7 +23,8 @@ from duoglide.cli.powered import View, page_beside, require_page, under_power
 _HELP = """\
 Bring up the drives of a bus and stream a plan to them.
 
-Ctrl-C and SIGTERM stop along the path, close the log and switch off.
+Ctrl-C and SIGTERM stop along the path, close the log and switch off. A run that is there
+already is kept unless --force is given.
 """
 _EXAMPLE = """\
 Examples:

@@ -14,7 +14,7 @@ import numpy as np
 
 from duoglide.arrays import AXES, FloatArray
 from duoglide.control.channel.scale import IntTriple, Scales, as_int_triple
-from duoglide.motion.actions import SetOutput, WaitInput
+from duoglide.motion.path.actions import SetOutput, WaitInput
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:

@@ -76,7 +76,7 @@ def creep(robot: Robot, axis: int, distance: float = 1.0) -> CreepCheck:
         PathError: There is no room for it here.
         DriveError: The feedback does not show the move.
     """
-    from duoglide.planning.transfer import transfer_carriages
+    from duoglide.planning.transfer.transfer import transfer_carriages
 
     if axis not in (1, 2, 3):
         raise InputError(f"axis = {axis!r}: must be 1, 2 or 3")

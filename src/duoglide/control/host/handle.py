@@ -14,7 +14,7 @@ from duoglide.control.host.happenings import describe_event
 from duoglide.control.host.interrupt import endings_interrupt, undisturbed
 from duoglide.control.host.report import RunReport, Tally, require_success
 from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError
-from duoglide.motion.rate import require_override
+from duoglide.motion.path_clock import require_override
 
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import CycleEntry, EventEntry

@@ -11,7 +11,7 @@ from duoglide.control.channel.scale import as_int_triple
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints, Stretch, TimedOutput
 from duoglide.errors import LimitError, PathError
 from duoglide.kinematics.model import forward
-from duoglide.motion.actions import SetOutput, WaitInput
+from duoglide.motion.path.actions import SetOutput, WaitInput
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,7 +54,7 @@ def plan_approach(
             quantity="start",
             amount=float(away.max()),
         )
-    from duoglide.planning.transfer import transfer
+    from duoglide.planning.transfer.transfer import transfer
 
     return transfer(machine, here, start)
 

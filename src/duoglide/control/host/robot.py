@@ -26,7 +26,7 @@ from duoglide.drives.cia402 import State, decode
 from duoglide.errors import DriveError, DuoglideError, InputError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward
-from duoglide.motion.rate import require_override
+from duoglide.motion.path_clock import require_override
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
@@ -312,7 +312,7 @@ class Robot:
         Raises:
             PathError: There is no safe way; what ``run`` raises.
         """
-        from duoglide.planning.transfer import transfer
+        from duoglide.planning.transfer.transfer import transfer
 
         self._require_ready()
         here = forward(self.machine.geometry, self._drives.held)
@@ -342,7 +342,7 @@ class Robot:
             PathError: Where the platform is cannot be told, or there is no way out.
             DriveError: No power, or a drive has failed.
         """
-        from duoglide.planning.recover import recover
+        from duoglide.planning.transfer.recover import recover
 
         self._require_ready()
         way = recover(self.machine, self._drives.held)

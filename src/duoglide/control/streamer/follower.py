@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from duoglide.arrays import AXES
 from duoglide.control.channel.events import Happening, RunState
-from duoglide.motion.rate import ClockState, PathClock
+from duoglide.motion.path_clock import ClockState, PathClock
 
 if TYPE_CHECKING:
     from duoglide.control.channel.scale import IntTriple
     from duoglide.control.channel.setpoints import PreparedSetpoints
     from duoglide.control.streamer.wire import Wire
-    from duoglide.motion.actions import SetOutput, WaitInput
+    from duoglide.motion.path.actions import SetOutput, WaitInput
 
 _RUN_STATES = {state: RunState[state.name] for state in ClockState}
 OVER = (RunState.STOPPED, RunState.FINISHED)

@@ -1,0 +1,1 @@
+"""How far everything is from its limit where the carriages stand, or may stand."""

@@ -1,0 +1,186 @@
+"""What room is kept where the carriages are not known exactly: bounds, no samples.
+
+The platform's place in the xz plane follows from B = yA2 - yA1 - l3 and D = yA3 - y alone. While
+both stay within known intervals, so do the rise of the legs h and the strut's projection rho, and
+with them the triangle of arm, strut and arm's foot: its angle at C3 says how fast the platform can
+move at most. That is the Jacobian's bound; nothing about it is sampled, and where the triangle may
+collapse it is infinite. Beyond the slope at the middle, a bound on the second derivative is enough:
+
+    n P'' = n_z h'' - |a'|^2 / l6,   e P'' = rho'' - (|P'|^2 - rho'^2) / rho
+
+(n and e: unit vectors of arm and strut, a: the arm; from a^2 = l6^2 and P^2 = rho^2).
+
+The clearance is a distance to a set, so it falls by at most the way that the platform goes, and
+where that way leads along the nearest surface by much less: it is bounded from an anchor further
+away from the surface, as in ``check_margins``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
+from duoglide.kinematics.headroom._nearby_kernel import swing
+from duoglide.kinematics.headroom.room import Room, box_distance, locate
+from duoglide.kinematics.modes import ASSEMBLY, WORKING
+from duoglide.kinematics.nearest import nearest_surface
+from duoglide.kinematics.reach import reach_of
+from duoglide.machine import Machine
+
+_FARTHEST_ANCHOR = 0.25  # of the leg's length
+_NEAREST_ANCHOR = 1e-3  # mm
+
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
+Swing: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""Where ways lead the platform in x and z, (n, k, 2); how far off these it may be, and how far from
+the middle at most, (n,) each; inf where a singularity may be crossed [mm]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patch:
+    """Sets of carriages: a middle, straight ways to either side of it, and what bends off these.
+
+    Attributes:
+        middle: Carriages [mm], shape (n, 3).
+        ways: How far each of k independent parameters takes the carriages to either side [mm],
+            shape (n, k, 3).
+        beyond: How far, besides, carriages 1 to 3, B and D may be off [mm], shape (n, 5).
+    """
+
+    middle: FloatArray
+    ways: FloatArray
+    beyond: FloatArray
+
+    def reach(self) -> FloatArray:
+        """Return how far carriages 1 to 3, B and D may be from the middle [mm], shape (n, 5)."""
+        reach: FloatArray = np.abs(with_pairs(self.ways)).sum(axis=1) + self.beyond
+        return reach
+
+
+def with_pairs(carriages: FloatArray) -> FloatArray:
+    """Append the changes of B and D to those of the carriages, (..., 3) to (..., 5)."""
+    one, two, three = np.moveaxis(carriages, -1, 0)
+    return np.stack([one, two, three, two - one, three - 0.5 * (one + two)], axis=-1)
+
+
+def room_on(machine: Machine, patch: Patch, enough: float) -> tuple[Room, Room]:
+    """Measure the room in the middle of patches, and bound it on the whole of them.
+
+    Args:
+        machine: The machine.
+        patch: Where its carriages are.
+        enough: Clearance beyond ``machine.clearance`` above which no bound need be sharp [mm].
+
+    Returns:
+        Room in the middle, and lower bounds of all of it, each of shape (n,); -inf where the links
+        do not close, or may not.
+    """
+    position, closed = locate(machine, patch.middle)
+    ways = swing_of(machine, patch, position)
+    here, lowest = _rails(machine, patch)
+    with np.errstate(invalid="ignore"):  # inf - inf, where nothing is known
+        clear = _clearance(machine, (position, closed), ways, enough)
+    boxes = _keep_out(machine, position, _around(patch, ways))
+    return (
+        Room(clear[0] - machine.clearance, *here, boxes[0]),
+        Room(clear[1] - machine.clearance, *lowest, boxes[1]),
+    )
+
+
+def swing_of(machine: Machine, patch: Patch, position: FloatArray) -> Swing:
+    """Carry patches of carriages to the platform, which is at ``position`` in the middle."""
+    count, parameters = patch.ways.shape[:2]
+    across = np.empty((count, parameters, 2))
+    off, farthest = np.empty((2, count))
+    constants = carriage_constants(machine.geometry, ASSEMBLY)
+    patches = patch.middle, patch.ways, patch.beyond
+    swing(patches, position, constants, (across, off, farthest))
+    return across, off, farthest
+
+
+def _around(patch: Patch, ways: Swing) -> FloatArray:
+    """Return how far the platform may be from the middle along x, y and z, (n, 3)."""
+    across, off, farthest = ways
+    around = np.empty(patch.middle.shape)
+    around[:, ::2] = np.minimum(np.abs(across).sum(axis=1) + off[:, None], farthest[:, None])
+    around[:, 1] = 0.5 * np.abs(patch.ways[..., 0] + patch.ways[..., 1]).sum(axis=1)
+    around[:, 1] += 0.5 * (patch.beyond[:, 0] + patch.beyond[:, 1])
+    return around
+
+
+def _rails(machine: Machine, patch: Patch) -> tuple[Pair, Pair]:
+    """Return travel and order in the middle, and at the least."""
+    carriages, reach = patch.middle, patch.reach()
+    left = machine.geometry.rail_half_length - np.abs(carriages)
+    order = carriages[:, 1] - carriages[:, 0] - machine.carriage_width
+    lowest = (left - reach[:, :3]).min(axis=-1), order - reach[:, 3]
+    return (left.min(axis=-1), order), lowest
+
+
+def _clearance(
+    machine: Machine,
+    pose: tuple[FloatArray, BoolArray],
+    ways: Swing,
+    enough: float,
+) -> Pair:
+    """Return the clearance in the middle, and at the least."""
+    (position, closed), (across, off, farthest) = pose, ways
+    here, lowest = np.full((2, len(position)), -np.inf)
+    rows = np.flatnonzero(closed)
+    found = nearest_surface(machine.geometry, WORKING.v, position[rows])
+    here[rows] = found.distance
+    corners = _corners(across)
+    spread = np.minimum(np.linalg.norm(corners, axis=-1).max(axis=1) + off, farthest)
+    lowest[rows] = here[rows] - spread[rows]
+    normal = found.away[:, ::2]
+    slope = np.abs((across[rows] * normal[:, None]).sum(axis=-1)).sum(axis=-1)
+    best, needed = found.distance - slope - off[rows], machine.clearance + enough
+    spare = best - needed
+    pick = (lowest[rows] < needed) & (spare > 0.0)
+    if pick.any():
+        some = rows[pick]
+        bound = _from_anchors(machine, (position[some], normal[pick]), corners[some], spare[pick])
+        lowest[some] = np.maximum(lowest[some], bound - off[some])
+    return here, lowest
+
+
+def _from_anchors(
+    machine: Machine, pose: Pair, corners: FloatArray, spare: FloatArray
+) -> FloatArray:
+    """Bound the clearance on parallelograms (n, c, 2) from points away from the nearest surface."""
+    (position, normal), g = pose, machine.geometry
+    k: Constants = pose_constants(g, WORKING)
+    square = (corners * corners).sum(axis=-1).max(axis=-1)
+    length = (square / spare).clip(_NEAREST_ANCHOR, _FARTHEST_ANCHOR * g.leg_length)
+    offset = length[:, None] * normal
+    anchor = position.copy()
+    anchor[:, ::2] += offset
+    inside = reach_of(anchor, k).lacking.max(axis=1) < 0.0
+    clear = np.full(len(position), -np.inf)
+    clear[inside] = nearest_surface(g, WORKING.v, anchor[inside]).distance
+    bound: FloatArray = clear - np.linalg.norm(corners - offset[:, None], axis=-1).max(axis=1)
+    return bound
+
+
+def _corners(across: FloatArray) -> FloatArray:
+    """Return the corners of what ways (n, k, 2) span, shape (n, 2^k, 2)."""
+    corners = np.zeros((len(across), 1, 2))
+    for i in range(across.shape[1]):
+        way = across[:, i : i + 1]
+        corners = np.concatenate([corners + way, corners - way], axis=1)
+    return corners
+
+
+def _keep_out(machine: Machine, position: FloatArray, around: FloatArray) -> Pair:
+    """Return the distance to the nearest keep-out box in the middle, and at the least."""
+    here, lowest = np.full((2, len(position)), np.inf)
+    for box in machine.keep_out:
+        outside = np.maximum(np.array(box.low) - position, position - np.array(box.high))
+        for found, way in ((here, 0.0), (lowest, around)):
+            distance = np.nan_to_num(box_distance(outside - way), nan=-np.inf)
+            np.minimum(found, distance, out=found)
+    return here, lowest

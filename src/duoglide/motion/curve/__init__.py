@@ -1,0 +1,1 @@
+"""A curve in space, bounds on it, and pictures of it."""

@@ -1,0 +1,129 @@
+"""Pictures of a curve of the platform: by itself, and among the clearances of a machine."""
+
+from __future__ import annotations
+
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from duoglide.arrays import FloatArray
+from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
+from duoglide.drawing.section import draw_section
+from duoglide.errors import PathError
+from duoglide.kinematics.model import reachable
+from duoglide.kinematics.singularity import clearance
+from duoglide.machine import Machine
+from duoglide.motion.curve.curve import Curve
+
+_SAMPLES = 2000
+_LEAST = 5.0  # [mm] that a view shows on both sides of the middle, however flat the path is
+_STEPS = (1, 2, 5, 10)  # of the scales
+_FAILURE: dict[str, Any] = {
+    "color": "#cc0050",
+    "markersize": 8.0,
+    "markeredgewidth": 2.0,
+    "label": "fails first here",
+}
+_LETTERS = 112  # of words above a picture, a line
+
+
+def plot_curve(
+    curve: Curve,
+    waypoints: FloatArray,
+    halts: FloatArray,
+    size: tuple[float, float] = (7.0, 3.6),
+) -> Picture:
+    """Draw a curve from the side, along the rails and from above.
+
+    Args:
+        curve: With its corners rounded.
+        waypoints: What was programmed [mm], shape (n, 3).
+        halts: Where something is done on the way [mm], shape (m, 3).
+        size: Width and height [inch].
+    """
+    points = _points_of(curve)
+    with drawn(size) as figure:
+        views: dict[str, Axes] = figure.subplot_mosaic(
+            [["side", "front"], ["top", "."]], width_ratios=(2.0, 1.0)
+        )
+        for name, across, up, title in (
+            ("side", 1, 2, "From the side"),
+            ("front", 0, 2, "Across the rails"),
+            ("top", 1, 0, "From above"),
+        ):
+            _draw_view(views[name], points, waypoints, (across, up), title)
+            views[name].plot(halts[:, across], halts[:, up], "o", color=COLOURS[1], markersize=4.0)
+    return figure
+
+
+def plot_in_machine(
+    machine: Machine,
+    curve: Curve,
+    size: tuple[float, float] = (7.0, 5.6),
+    refusal: PathError | None = None,
+) -> Picture:
+    """Draw a curve of the platform's centre in the machine, and where it fails if it does.
+
+    Args:
+        machine: Whose clearances are shown.
+        curve: In the base frame.
+        size: Width and height [inch].
+        refusal: Why the machine cannot follow it.
+    """
+    points = _points_of(curve)
+    failure = np.array(refusal.position) if refusal is not None and refusal.position else None
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    within = reachable(machine.geometry, points)
+    room = np.full(len(points), np.nan)
+    room[within] = clearance(machine.geometry, points[within])
+    with drawn(size) as figure:
+        if refusal is not None:
+            figure.suptitle(fill(str(refusal), _LETTERS), fontsize=8.0, x=0.01, ha="left")
+        views = figure.subplot_mosaic("aa;bc", height_ratios=(1.0, 1.6), width_ratios=(1.25, 1.0))
+        side, section, way = views["a"], views["b"], views["c"]
+        _draw_view(side, points, points[[0, -1]], (1, 2), "From the side")
+        draw_section(section, machine, points)
+        section.plot(points[:, 0], points[:, 2], color=COLOURS[1], linewidth=2.0)
+        section.plot(*points[[0, -1]][:, ::2].T, ".", color=COLOURS[1], markersize=6.0)
+        way.plot(along, room, color=COLOURS[0])
+        way.axhline(machine.clearance, color=LIMIT, linestyle="--", linewidth=1.0)
+        way.annotate(
+            "needed", (along[-1], machine.clearance), (0.0, 2.0), ha="right", color=LIMIT,
+            textcoords="offset points", fontsize=7.5,
+        )  # fmt: skip
+        way.set(title="Clearance [mm]", xlabel="along the path [mm]")
+        way.set_xlim(-0.03 * along[-1], 1.03 * along[-1])
+        way.set_ylim(0.0, 1.08 * np.nanmax(room, initial=max(machine.clearance, 1.0)))
+        if failure is not None:
+            nearest = along[np.linalg.norm(points - failure, axis=1).argmin()]
+            side.plot(failure[1], failure[2], "x", **_FAILURE)
+            section.plot(failure[0], failure[2], "x", **_FAILURE)
+            way.axvline(nearest, color=_FAILURE["color"], linewidth=1.0)
+            side.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+    return figure
+
+
+def _points_of(curve: Curve) -> FloatArray:
+    """Return positions along a curve [mm], shape (n, 3); the ends of its pieces are among them."""
+    sigma = np.unique(np.concatenate([np.linspace(0.0, curve.end, _SAMPLES), curve.breaks]))
+    return curve.derivatives(sigma)[:, 0]
+
+
+def _draw_view(
+    axes: Axes, points: FloatArray, marks: FloatArray, plane: tuple[int, int], title: str
+) -> None:
+    """Draw points as they are seen along the third axis, at one scale, and marks on them."""
+    across, up = plane
+    axes.plot(points[:, across], points[:, up], color=COLOURS[0])
+    axes.plot(marks[:, across], marks[:, up], ".", color=COLOURS[0], markersize=5.0)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))[[across, up]]
+    axes.update_datalim([middle - _LEAST, middle + _LEAST])
+    axes.margins(0.08)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(title=title, xlabel=f"{'xyz'[across]} [mm]", ylabel=f"{'xyz'[up]} [mm]")
+    axes.xaxis.set_major_locator(MaxNLocator(6 if across == 1 else 3, steps=_STEPS))
+    axes.yaxis.set_major_locator(MaxNLocator(4, steps=_STEPS))

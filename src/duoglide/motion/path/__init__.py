@@ -1,0 +1,1 @@
+"""Paths at every stage: programmed, rounded, checked, seen from the carriages."""

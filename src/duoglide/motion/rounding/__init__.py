@@ -1,0 +1,1 @@
+"""How corners become blends: the geometry, without a machine."""

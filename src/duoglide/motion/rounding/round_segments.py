@@ -1,0 +1,223 @@
+"""From segments to one curve: every corner rounded, or a rest."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.errors import PathError
+from duoglide.motion.curve.curve import Curve
+from duoglide.motion.path.segments import Segment, show
+from duoglide.motion.rounding.blend import SHAPE, Blend, Corner, nearest, quintics
+from duoglide.motion.rounding.cut_backs import Corners, cut_backs
+from duoglide.motion.rounding.pieces import RawPath, raw_path
+
+SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a jump needs no blend
+ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
+SHARPEST = np.cos(np.radians(170.0))  # corners that turn back further than this are rests
+SHORTEST = 1e-4  # [mm]; to slow down for a shorter blend takes as long as to rest in the corner
+VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
+
+IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundedCurve:
+    """The curve of segments, and what became of their corners.
+
+    Attributes:
+        curve: The curve, in the coordinates of the segments.
+        waypoints: Sigma of each waypoint; on a blend, where it passes nearest [mm], shape (n + 1,).
+        before: Cut-back before each waypoint [mm], 0 where there is no blend, shape (n + 1,).
+        after: Cut-back after it [mm].
+        shape: Shape of its blend, 0 where there is none.
+        deviation: Distance from the waypoint to the curve [mm].
+    """
+
+    curve: Curve
+    waypoints: FloatArray
+    before: FloatArray
+    after: FloatArray
+    shape: FloatArray
+    deviation: FloatArray
+
+    def blend(self, corner: int) -> Blend | None:
+        """Return the blend of corner 0, 1, ... (waypoint 1, 2, ...); None: an exact corner."""
+        i = corner + 1
+        if self.shape[i] == 0.0:
+            return None
+        return Blend(float(self.before[i]), float(self.after[i]), float(self.shape[i]))
+
+
+def round_segments(
+    segments: Sequence[Segment], tolerances: Sequence[Corner], halts: Collection[int]
+) -> RoundedCurve:
+    """Fix every blend between segments, and join their pieces to one curve.
+
+    Args:
+        segments: Each begins where the one before ends.
+        tolerances: One per joint of two segments: a corner tolerance [mm] or a ``Blend``.
+        halts: Waypoints at which something is done at rest, by index.
+
+    Raises:
+        PathError: Explicit blends that overlap, are longer than their segment, or stand at a
+            reversal.
+    """
+    raw = raw_path(segments)
+    rest, rounded = _sort_corners(tolerances, halts, raw)
+    corners = _corners_to_round(tolerances, raw, rounded)
+    before, after = cut_backs(raw.curve, corners)
+    long = 5.0 * corners.shape * np.minimum(before, after) >= SHORTEST
+    rest[corners.waypoint[~long] - 1] = True
+    return _assemble(raw, rest, corners.those(long), before[long], after[long])
+
+
+def _sort_corners(
+    tolerances: Sequence[Corner], halts: Collection[int], raw: RawPath
+) -> tuple[BoolArray, BoolArray]:
+    """Tell which corners are rests, and which are to be rounded; the others join smoothly."""
+    curve, left = raw.curve, raw.joints
+    sigma = curve.breaks[left + 1]
+    one, other = curve.both_sides(0.0, 0.0, left)
+    jump = np.abs(one[:, 1:3] - other[:, 1:3]).max(axis=(1, 2), initial=0.0)
+    short = np.minimum(curve.spans[left], curve.spans[left + 1])
+    t0, t1 = one[:, 1], other[:, 1]
+    cosine = np.sum(t0 * t1, axis=1) / np.sqrt(np.sum(t0**2, axis=1) * np.sum(t1**2, axis=1))
+    wanted = np.array([isinstance(c, Blend) or c > 0.0 for c in tolerances], dtype=bool)
+    halted = np.array([i + 1 in halts for i in range(left.size)], dtype=bool)
+    smooth = (jump < SMOOTH + ROUNDING / short) & ~halted
+    wanted &= ~smooth & ~halted
+    rounded = wanted & (cosine > SHARPEST)
+    for i in np.flatnonzero(wanted & ~rounded).tolist():
+        if isinstance(tolerances[i], Blend):
+            raise _reversal_error(curve, i, float(sigma[i]), float(cosine[i]))
+    return ~smooth & ~rounded, rounded
+
+
+def _reversal_error(curve: Curve, corner: int, sigma: float, cosine: float) -> PathError:
+    turn = float(np.degrees(np.arccos(max(cosine, -1.0))))
+    position = curve.position(sigma)
+    return PathError(
+        f"the path turns back by {turn:.4g} degrees at waypoint {corner + 1}, {show(position)} mm:"
+        " no blend fits there; give a tolerance instead, and the motion will rest there",
+        arc_length=float(curve.arc_length(sigma)),
+        position=position.tolist(),
+        quantity="blend",
+        amount=turn,
+    )
+
+
+def _corners_to_round(tolerances: Sequence[Corner], raw: RawPath, rounded: BoolArray) -> Corners:
+    """Collect what the search for cut-backs needs, and refuse explicit blends that overlap."""
+    which = np.flatnonzero(rounded)
+    chosen = [tolerances[i] for i in which.tolist()]
+    explicit = np.array([isinstance(c, Blend) for c in chosen], dtype=bool)
+    fields = [
+        (c.before, c.after, c.shape, 0.0) if isinstance(c, Blend) else (0.0, 0.0, SHAPE, c)
+        for c in chosen
+    ]
+    before, after, shape, tolerance = np.array(fields, dtype=np.float64).reshape(-1, 4).T
+    left = raw.joints[which]
+    corners = Corners(which + 1, left, tolerance, shape, explicit, before, after)
+    if explicit.any():
+        _refuse_overlaps(raw.curve, corners)
+    return corners
+
+
+def _refuse_overlaps(curve: Curve, corners: Corners) -> None:
+    """Refuse explicit blends that are longer than their segments."""
+    need = np.zeros(curve.count)
+    np.add.at(need, corners.left, corners.before)
+    np.add.at(need, corners.left + 1, corners.after)
+    excess = need - curve.spans
+    fits = excess <= VANISHED
+    if fits.all():
+        return
+    piece = int(np.argmax(~fits))
+    ends = [
+        int(w)
+        for w, i, a, b in zip(
+            corners.waypoint, corners.left, corners.before, corners.after, strict=True
+        )
+        if (i == piece and a > 0.0) or (i + 1 == piece and b > 0.0)
+    ]
+    names = " and ".join(str(waypoint) for waypoint in ends)
+    start = curve.position(float(curve.breaks[piece]))
+    plural = len(ends) > 1
+    raise PathError(
+        f"the blend{'s' * plural} at waypoint{'s' * plural} {names}"
+        f" {'overlap' if plural else 'reaches past its segment'} by {excess[piece]:.6g} mm: the"
+        f" segment from {show(start)} mm is {curve.spans[piece]:.6g} mm long, the cut-backs on it"
+        f" take {need[piece]:.6g} mm",
+        arc_length=float(curve.arc_length(float(curve.breaks[piece]))),
+        position=start.tolist(),
+        quantity="blend",
+        amount=float(excess[piece]),
+    )
+
+
+def _assemble(
+    raw: RawPath, rest: BoolArray, corners: Corners, before: FloatArray, after: FloatArray
+) -> RoundedCurve:
+    """Trim the pieces, and put the blends between them."""
+    curve, left = raw.curve, corners.left
+    skip, stop = np.zeros(curve.count), curve.spans.copy()
+    skip[left + 1] = after
+    stop[left] -= before
+    spans = np.where(stop - skip > VANISHED, stop - skip, 0.0)
+    kept = _trimmed(curve, skip, spans)
+    states = curve.both_sides(before, after, left)
+    bend_spans = 5.0 * corners.shape * np.minimum(before, after)
+    bends = quintics(*states, bend_spans)
+    order = np.argsort(np.concatenate([np.arange(curve.count) * 2, left * 2 + 1]))
+    all_spans = np.concatenate([spans, bend_spans])[order]
+    ends = np.cumsum(all_spans)
+    place = np.empty_like(order)
+    place[order] = np.arange(order.size)
+    keep = all_spans > 0.0
+    rows = max(kept.shape[1], bends.shape[1] if left.size else 0)
+    chain = np.concatenate([_padded(kept, rows), _padded(bends[:, :rows], rows)])[order][keep]
+    rates = np.concatenate([curve.rates, np.zeros(left.size)])[order][keep]
+    joints = ends[place[raw.joints]]
+    rests = np.unique(joints[rest])
+    whole = Curve(all_spans[keep], rates, chain, tuple(rests[rests < ends[-1]].tolist()))
+    waypoints = np.concatenate([[0.0], joints, [whole.end]])
+    corner_points = curve.position(curve.breaks[left + 1])
+    u, deviations = nearest(bends, corner_points)
+    waypoints[corners.waypoint] += u * bend_spans
+    table = np.zeros((4, waypoints.size))
+    table[:, corners.waypoint] = before, after, corners.shape, deviations
+    return RoundedCurve(whole, waypoints, *table)
+
+
+def _padded(coefficients: FloatArray, rows: int) -> FloatArray:
+    """Append rows of zeros up to ``rows`` powers."""
+    result = np.zeros((len(coefficients), rows, 3))
+    result[:, : coefficients.shape[1]] = coefficients
+    return result
+
+
+def _trimmed(curve: Curve, skip: FloatArray, spans: FloatArray) -> FloatArray:
+    """Coefficients of the pieces without their first ``skip`` mm, ``spans`` mm long."""
+    untouched = (skip == 0.0) & (spans == curve.spans)
+    every = np.arange(curve.count)
+    states = curve.derivatives(curve.breaks[:-1] + skip, every)
+    result: FloatArray = np.zeros((curve.count, max(4, curve.coefficients.shape[1]), 3))
+    scale = (spans[:, None] ** np.arange(4)) / np.array([1.0, 1.0, 2.0, 6.0])
+    result[:, :4] = states * scale[..., None]
+    arcs = curve.rates > 0.0
+    if arcs.any():
+        rate, whole = curve.rates[arcs][:, None], curve.spans[arcs][:, None]
+        advance = curve.coefficients[arcs, 3] / whole
+        result[arcs, 0] = states[arcs, 0]
+        result[arcs, 1] = -states[arcs, 2] / rate**2
+        result[arcs, 2] = (states[arcs, 1] - advance) / rate
+        result[arcs, 3] = advance * spans[arcs][:, None]
+    width = curve.coefficients.shape[1]
+    result[untouched, :width] = curve.coefficients[untouched]
+    result[untouched, width:] = 0.0
+    return result

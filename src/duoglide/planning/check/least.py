@@ -1,0 +1,104 @@
+"""The least margin of every family along an admissible curve."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.kinematics.singularity import FAMILIES, margins
+from duoglide.motion.path.checked import CheckReport, LeastMargin
+from duoglide.planning.check.judge import judge_points
+from duoglide.planning.check.rules import CLEARANCE, IndexArray, Intervals, Rules
+from duoglide.planning.check.search import first_intervals
+
+_LOOKS = np.linspace(-1.0, 1.0, 17)  # at an interval, from its start to its end
+_MANY = 200  # intervals; of more than these, a few are looked at closely
+_KEPT = 6  # for each family
+_NOTHING = 1e-9  # [mm]; a deeper look that promises less than this is not worth it
+_CLOSER = np.linspace(-0.2, 0.2, 5)  # about where the least value is expected
+
+
+def least_margins(rules: Rules) -> CheckReport:
+    """Sample every interval with its ends, then look where parabolas through the samples lead."""
+    names = (*rules.families, *FAMILIES)
+    rows = np.arange(len(names))
+    intervals = _promising(rules, first_intervals(rules))
+    looks = intervals.middle[:, None] + intervals.half[:, None] * _LOOKS
+    values = _measure(rules, looks.ravel()).reshape(*looks.shape, -1)
+    guess, vertex = _vertices(values)
+    chosen = np.minimum(guess, values.min(axis=1)).argmin(axis=0)
+    best = values[chosen, :, rows].argmin(axis=1)
+    least, where = values[chosen, best, rows], looks[chosen, best]
+    deeper = np.flatnonzero(guess[chosen, rows] < least - _NOTHING)
+    if deeper.size:
+        there = vertex[chosen, rows][deeper]
+        found = _closer(rules, intervals[chosen[deeper]], deeper, there)
+        better = found[0] < least[deeper]
+        least[deeper[better]], where[deeper[better]] = found[0][better], found[1][better]
+    required = np.concatenate([rules.required, np.zeros(len(FAMILIES))])
+    lengths, points = rules.curve.arc_length(where), rules.curve.position(where)
+    columns = (column.tolist() for column in (least, required, where, lengths, points))
+    return CheckReport(
+        tuple(
+            LeastMargin(name, margin, needed, sigma, length, (x, y, z))
+            for name, margin, needed, sigma, length, (x, y, z) in zip(names, *columns, strict=True)
+        )
+    )
+
+
+def _closer(
+    rules: Rules, intervals: Intervals, family: IndexArray, vertex: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Find the least value of one family in each interval, about where it is expected.
+
+    Returns:
+        The value, and its sigma.
+    """
+    rows = np.arange(family.size)
+    close = (vertex + _CLOSER[:, None]).clip(-1.0, 1.0)
+    cleared = bool((family == CLEARANCE).any())
+    near = _measure(rules, (intervals.middle + intervals.half * close).ravel(), cleared)
+    near = near.reshape(*close.shape, -1)[:, rows, family]
+    again = _vertices(near[None])[1] * _CLOSER[-1] + close[_CLOSER.size // 2]
+    looks = np.vstack([close, again.clip(-1.0, 1.0)])
+    last = _measure(rules, intervals.middle + intervals.half * looks[-1], cleared)[rows, family]
+    table = np.vstack([near, last])
+    best = table.argmin(axis=0)
+    return table[best, rows], intervals.middle + intervals.half * looks[best, rows]
+
+
+def _promising(rules: Rules, intervals: Intervals) -> Intervals:
+    """Keep, of very many intervals, those whose middles are the least of some family."""
+    if intervals.middle.size <= _MANY:
+        return intervals
+    values = _measure(rules, intervals.middle)
+    least = np.argpartition(values, _KEPT, axis=0)[:_KEPT]
+    ends = np.array([[0], [intervals.middle.size - 1]])
+    return intervals[np.unique(np.concatenate([least.ravel(), ends.ravel()]))]
+
+
+def _measure(rules: Rules, sigma: FloatArray, cleared: bool = True) -> FloatArray:
+    """Margins of every family, not less what is required, shape (n, families)."""
+    points = rules.curve.position(sigma)
+    found = margins(rules.machine.geometry, points).by_family()
+    surfaces = np.stack([np.abs(found[name]) for name in FAMILIES], axis=-1)
+    return np.concatenate([judge_points(rules, points, cleared) + rules.required, surfaces], axis=1)
+
+
+def _vertices(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lay a parabola through the least looks of each interval and their neighbours.
+
+    Args:
+        values: Shape (intervals, looks, families).
+
+    Returns:
+        Least value of each parabola, and where it is on [-1, 1], shape (intervals, families).
+    """
+    count, looks, families = values.shape
+    middle = np.minimum(np.maximum(values.argmin(axis=1), 1), looks - 2)
+    rows, columns = np.arange(count)[:, None], np.arange(families)
+    before, here, after = (values[rows, middle + i, columns] for i in (-1, 0, 1))
+    bend = np.maximum(before - 2.0 * here + after, 1e-12)
+    shift = np.minimum(np.maximum(0.5 * (before - after) / bend, -1.0), 1.0)
+    least = here + 0.5 * shift * (after - before) + 0.5 * shift * shift * bend
+    return least, _LOOKS[middle] + shift * (_LOOKS[1] - _LOOKS[0])

@@ -1,0 +1,63 @@
+"""Certifies a curve interval by interval: nothing between two samples is left to chance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duoglide.planning.check.judge import judge
+from duoglide.planning.check.rules import Intervals, Rules
+
+FIRST_LENGTH = 16.0  # [mm] of the intervals to begin with
+PARTS = 4  # into which an undecided interval is cut
+BLOCK = 32768  # intervals at a time, to bound the memory
+STRETCH = BLOCK * FIRST_LENGTH  # [mm] of sigma at a time, for the same reason
+ROUNDING = 1e-9  # of an interval: one that is longer by so little need not be two
+TINIEST = 1e-9  # [mm] of sigma; nothing shorter is cut
+
+
+def first_failure(rules: Rules, start: float = 0.0, end: float = np.inf) -> float:
+    """Certify the curve from one sigma to another, stretch by stretch up to the first failure.
+
+    Returns:
+        Sigma of the first point that breaks a rule [mm], to 1e-8 mm; infinity where none does.
+    """
+    end = min(end, rules.curve.end)
+    while start < end:  # a curve of any length leaves reach within its first stretch, if it does
+        stop = min(start + STRETCH, end)
+        failure = _first_within(rules, start, stop)
+        if failure < np.inf:
+            return failure
+        start = stop
+    return np.inf
+
+
+def _first_within(rules: Rules, start: float, end: float) -> float:
+    """Do what ``first_failure`` does, in one piece."""
+    failure = np.inf
+    stack = [first_intervals(rules, start, end)]
+    while stack:
+        block = stack.pop()
+        if block.middle.size > BLOCK:
+            stack.append(block[slice(BLOCK, None)])
+            block = block[slice(BLOCK)]
+        verdict = judge(rules, block)
+        failed = verdict.failed
+        if failed.any():
+            failure = min(failure, float(block.middle[failed].min()))
+        undecided = ~verdict.certified & (block.half > TINIEST)
+        undecided &= block.middle - block.half < failure
+        if undecided.any():
+            stack.append(block[np.flatnonzero(undecided)].split(PARTS))
+    return failure
+
+
+def first_intervals(rules: Rules, start: float = 0.0, end: float = np.inf) -> Intervals:
+    """Cover every piece with intervals that are not too long to begin with."""
+    low = np.maximum(rules.curve.breaks[:-1], start)
+    spans = np.minimum(rules.curve.breaks[1:], end) - low
+    counts = np.ceil(np.maximum(spans, 0.0) / FIRST_LENGTH - ROUNDING).astype(np.intp)
+    counts[spans > 0.0] = np.maximum(counts[spans > 0.0], 1)
+    piece = np.repeat(np.arange(spans.size), counts)
+    within = np.arange(piece.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    half = 0.5 * spans[piece] / counts[piece]
+    return Intervals(piece, low[piece] + (2 * within + 1) * half, half)

@@ -1,0 +1,1 @@
+"""Programs: files of paths, generators of paths, and their plans one after the other."""

@@ -1,0 +1,154 @@
+"""Reads the TOML programs that ``duoglide.planning.programs.read`` describes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from duoglide.arrays import as_number, as_triples
+from duoglide.errors import InputError
+from duoglide.machine.toml_read import read_tables
+from duoglide.motion.path.actions import action_from_dict
+from duoglide.motion.path.path import Path
+from duoglide.motion.path.segments import (
+    Arc,
+    Line,
+    Point,
+    Spline,
+    as_point,
+    as_speed,
+)
+from duoglide.planning.programs.notes import ProgramNotes
+from duoglide.planning.programs.path_builder import PathBuilder
+from duoglide.planning.programs.pick_and_place import pick_and_place
+
+_HEADER = {"start", "tolerance", "speed", "acceleration", "ignore", "moves"}
+_ACTIONS = ("set_output", "wait_input", "dwell")
+
+
+def read_toml(text: str, tolerance: float = 0.0, notes: ProgramNotes | None = None) -> Path:
+    """Read a path from a TOML program.
+
+    Args:
+        text: The program.
+        tolerance: Corner tolerance of the corners for which it has none [mm].
+        notes: Which unknown keys to skip, besides those that its key ``ignore`` names.
+
+    Raises:
+        InputError: Names the move and the key, and what is wrong with it.
+    """
+    notes = ProgramNotes() if notes is None else notes
+    table = read_tables(text)
+    notes.also(table.get("ignore", ()), KEYS)
+    _refuse_unknown(table, _HEADER, notes)
+    moves = table.get("moves")
+    if not isinstance(moves, list) or not all(isinstance(move, dict) for move in moves):
+        raise InputError("it needs a list of tables [[moves]]")
+    corner = as_number(table.get("tolerance", tolerance), "tolerance [mm]")
+    builder = PathBuilder()
+    if "start" in table:
+        builder.place = as_point(table["start"], "start")
+    for index, move in enumerate(moves, start=1):
+        try:
+            _add(builder, move, corner, notes)
+        except InputError as error:
+            raise InputError(f"move {index}: {error}") from error
+    return builder.build(table.get("speed"), table.get("acceleration"))
+
+
+def _add(
+    builder: PathBuilder, move: Mapping[str, Any], tolerance: float, notes: ProgramNotes
+) -> None:
+    """Append one move."""
+    kind = move.get("type")
+    move = {key: value for key, value in move.items() if key in KEYS or not notes.skip(key)}
+    if isinstance(kind, str) and kind in _ACTIONS:
+        builder.act(action_from_dict(move))
+        return
+    if not isinstance(kind, str) or kind not in _MOVES:
+        known = ", ".join((*_MOVES, *_ACTIONS))
+        if "type" not in move:
+            raise InputError(f"it lacks a type; there are {known}")
+        raise InputError(f"type = {kind!r:.80}: must be one of {known}")
+    needed, optional, add = _MOVES[kind]
+    _refuse_unknown(move, {"type", *needed, *optional}, notes)
+    for key in needed:
+        if key not in move:
+            raise InputError(f"{kind} needs {key}")
+    add(builder, {"tolerance": tolerance, **move})
+
+
+def _line(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+    to = as_point(move["to"], "to")
+    builder.add(Line(_place(builder), to, as_speed(move.get("speed"))), move["tolerance"])
+
+
+def _arc(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+    via, to = as_point(move["via"], "via"), as_point(move["to"], "to")
+    builder.add(Arc(_place(builder), via, to, as_speed(move.get("speed"))), move["tolerance"])
+
+
+def _through(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+    points = as_triples([_place(builder), *_points(move)], "points")
+    builder.add(Spline(points, as_speed(move.get("speed"))), move["tolerance"])
+
+
+def _polyline(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+    for point in _points(move):
+        _line(builder, {**move, "to": point})
+
+
+def _pick_and_place(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+    values = {key: value for key, value in move.items() if key != "type"}
+    values.setdefault("pick", builder.place)
+    if values["pick"] is None:
+        raise InputError("pick_and_place needs pick, or a start of the program")
+    builder.extend(pick_and_place(**values))
+
+
+def _arch(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+    sizes = {key: move[key] for key in ("lift", "straight") if key in move}
+    builder.extend(Path.arch(_place(builder), move["to"], **sizes))
+
+
+_Add = Callable[[PathBuilder, Mapping[str, Any]], None]
+_MOVES: dict[str, tuple[tuple[str, ...], tuple[str, ...], _Add]] = {
+    "line": (("to",), ("speed", "tolerance"), _line),
+    "arc": (("via", "to"), ("speed", "tolerance"), _arc),
+    "through": (("points",), ("speed", "tolerance"), _through),
+    "polyline": (("points",), ("speed", "tolerance"), _polyline),
+    "pick_and_place": (
+        ("place",),
+        ("pick", "lift", "tolerance", "depart", "approach", "dwell"),
+        _pick_and_place,
+    ),
+    "arch": (("to",), ("lift", "straight"), _arch),
+}
+
+
+KEYS = _HEADER | {key for needed, free, _ in _MOVES.values() for key in (*needed, *free)}
+KEYS |= {"type", "axis", "bit", "value", "timeout", "seconds"}
+"""All keys that mean something in a TOML program."""
+
+
+def _place(builder: PathBuilder) -> Point:
+    """Return where the path has got to, or refuse a program that has not said where it starts."""
+    if builder.place is None:
+        raise InputError("the program does not say where it starts: start = [x, y, z]")
+    return builder.place
+
+
+def _points(move: Mapping[str, Any]) -> list[Point]:
+    array = as_triples(move["points"], "points")
+    if array.ndim != 2:
+        raise InputError("points must be a list of points [x, y, z]")
+    return [as_point(point, "point") for point in array]
+
+
+def _refuse_unknown(table: Mapping[str, Any], known: set[str], notes: ProgramNotes) -> None:
+    for key in table:
+        if key not in known and not (key not in KEYS and notes.skip(key)):
+            near = difflib.get_close_matches(key, known, 1)
+            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(sorted(known))}"
+            raise InputError(f"{key:.80}: no such key; {hint}")

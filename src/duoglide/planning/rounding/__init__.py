@@ -1,0 +1,1 @@
+"""Which blends round the corners of a path, so that the motion is quick."""

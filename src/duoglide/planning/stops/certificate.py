@@ -1,0 +1,156 @@
+"""Certify in advance how fast the path rate of a motion may change.
+
+With r = du/dtau, a carriage that follows q(u(tau)) has
+
+    velocity q' r,   acceleration q'' r^2 + q' r',   jerk q''' r^3 + 3 q'' r r' + q' r''
+
+(q', q'', q''' along the plan at rate 1). Within abs(r') <= R1 and abs(r'') <= R2, a rate that
+begins and ends constant in [0, 1] also keeps r'^2 <= 2 R2 min(r, 1 - r): it must come from 0 or 1,
+and be able to end there. So r' is small where r is near 1 and the plan's own acceleration counts
+in full, and large only near r = 1/2, where a quarter of it counts. With the shape
+rho = R1^2 / R2 <= 1 fixed, acceleration is linear and jerk quadratic in R1, and the largest R1 of
+each cell of path time is a closed form. A change from any cell must last through its window, half
+the stopping time. Signs count: a falling rate brakes where the plan accelerates, so falling and
+rising rates have bounds of their own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.motion.motion import Motion
+from duoglide.motion.profile import Profile
+from duoglide.motion.stop_bounds import RateTable, StopBounds
+from duoglide.planning.compare import first_least, whole
+from duoglide.planning.stops._kernel import largest_slopes, windows
+
+CELL = 0.002  # s of path time, at the least
+_CELLS_A_STOP = 40  # that are enough, if stops are so slow
+SAMPLES = 6  # a cell
+LARGEST_SLOPE = 250.0  # 1/s: no stop is asked to be quicker than 8 ms
+RESERVE = 0.02  # what a change may use at least, as a share of each stop limit
+_SHAPES = np.array([1.0, 0.5, 0.2])  # rho
+_LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in what r' may be;
+# below 1/2 every term is smaller than at 1/2
+_LIMITED = ("acceleration", "jerk")
+_MOST_CELLS = 100_000
+_CHUNK = 4_000
+
+
+def stop_bounds(motion: Motion) -> StopBounds:
+    """Return the certified bounds of any change of the path rate along ``motion``.
+
+    Where the plan itself uses nearly all of ``machine.stop_limits``, the bounds leave a change
+    2 % of each limit all the same, so that every plan can be stopped: with the default reserve of
+    half the limits this never happens.
+    """
+    duration = motion.duration
+    if duration <= 0.0:
+        return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
+    cells = whole(duration / _cell(motion))
+    falling, rising = (_table(allowed, duration) for allowed in _allowed(motion, cells))
+    return StopBounds(duration, falling, rising)
+
+
+def stop_bounds_until(motion: Motion, end: float) -> StopBounds:
+    """Return the bounds of changes that begin before ``end``, and may come to their end after it.
+
+    Args:
+        motion: The whole of it, to rest.
+        end: Where another motion takes over, unless a change is under way [s], above 0.
+    """
+    first = whole(end / _cell(motion))
+    cells = whole(motion.duration / (end / first))
+    longer = _resting(motion, end / first * cells)
+    tables = []
+    for allowed in _allowed(longer, cells):
+        table = _table(allowed, longer.duration)
+        reach = np.minimum(table.until, motion.duration)
+        tables.append(RateTable(table.slope[:first], table.bend[:first], reach[:first]))
+    return StopBounds(end, *tables)
+
+
+def _resting(motion: Motion, duration: float) -> Motion:
+    """Return a motion that rests at its end until it has taken so long [s]."""
+    profile, seconds = motion.profile, duration - motion.duration
+    if seconds <= 0.0:
+        return motion
+    return Motion(motion.path, Profile.joined([profile, Profile.rest(profile.end, seconds)]))
+
+
+def _cell(motion: Motion) -> float:
+    """Return how long a cell of path time lasts, at most [s]."""
+    least = _least_stop(motion) / _CELLS_A_STOP
+    return max(CELL, motion.duration / _MOST_CELLS, least)
+
+
+def _least_stop(motion: Motion) -> float:
+    """Return how long the fastest carriage alone would need to stop [s], about."""
+    limits = motion.machine.stop_limits
+    speeds = np.abs(motion.at(np.linspace(0.0, motion.duration, 101)).velocity)
+    v, a, j = speeds.max(axis=0), limits.acceleration, limits.jerk
+    return float(np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max())
+
+
+def _allowed(motion: Motion, cells: int) -> FloatArray:
+    """Return the largest R1 of each shape and cell, falling and rising, (2, shapes, cells)."""
+    limits = np.stack([getattr(motion.machine.stop_limits, name) for name in _LIMITED])
+    share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
+    both = np.empty((2, _SHAPES.size, cells))
+    for begin in range(0, cells, _CHUNK):
+        part = slice(begin, min(begin + _CHUNK, cells))
+        peaks = _peaks(motion, cells, part)
+        for k, rho in enumerate(_SHAPES.tolist()):
+            found = np.full((2, peaks.shape[2]), LARGEST_SLOPE)
+            levels = _LEVELS[1:], share[k]
+            largest_slopes(peaks, (limits, RESERVE * limits), levels, rho, found)
+            both[:, k, part] = found
+    return both
+
+
+def _table(allowed: FloatArray, duration: float) -> RateTable:
+    """Choose for each cell the shape with the quickest change."""
+    slope, until = _through_windows(allowed, duration)
+    best = first_least((1.0 + _SHAPES[:, None]) / slope)
+    columns = np.arange(best.size)
+    chosen = slope[best, columns]
+    return RateTable(chosen, chosen**2 / _SHAPES[best], until[best, columns])
+
+
+def _peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
+    """Bound velocity, acceleration and jerk in some of the cells, each sign by itself.
+
+    The first two are rigorous: between samples they change at most by the next one's peak times
+    half the spacing. Jerk is the largest sample of the cell and of one sample to each side.
+
+    Returns:
+        Largest positive and largest negative values, both as amounts, shape (2, 3, n, 3).
+    """
+    step = motion.duration / (cells * SAMPLES)
+    times = np.arange(part.start * SAMPLES - 1, part.stop * SAMPLES + 2) * step
+    state = motion.at(np.clip(times, 0.0, motion.duration))
+    one = np.stack([state.velocity, state.acceleration, state.jerk])
+    signed = np.stack([one, -one])
+    between = np.maximum(signed[:, :, 1:], signed[:, :, :-1])
+    wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
+    peaks: FloatArray = wide.reshape(2, 3, -1, SAMPLES, 3).max(axis=3)
+    peaks[:, 1] += 0.5 * step * peaks[:, 2].max(axis=0)
+    peaks[:, 0] += 0.5 * step * peaks[:, 1].max(axis=0)
+    return np.maximum(peaks, 0.0)
+
+
+def _through_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
+    """Return for each shape and cell the R1 that its whole window allows, and the window's end.
+
+    The window of R1 is as long as the way of a stop in path time. It grows cell by cell, and R1
+    falls with it, until it is long enough; at the end of the motion it always is.
+    """
+    cells = largest.shape[1]
+    cell = duration / cells
+    found = [
+        windows(row, 0.5 * (1.0 + rho) / cell)
+        for row, rho in zip(largest, _SHAPES.tolist(), strict=True)
+    ]
+    slope, last = (np.stack(column) for column in zip(*found, strict=True))
+    return slope, np.where(last == cells - 1, duration, cell * (last + 1.0))

@@ -1,0 +1,194 @@
+"""Solve the retiming problem, a long one window by window.
+
+A retiming that keeps the limits all along is at hand before each solve: the last one, or one by a
+single factor. A window is a run of cells whose ends stay in the states of that retiming, while all
+between them is free. So every window is feasible, what it finds joins its neighbours with position,
+speed and acceleration continuous, and a window that does not converge keeps what it had. What one
+sweep of windows holds at their ends, a second sweep, half a window on, sets free. The work grows
+with the number of cells, and each solve stays as small, and converges as well, as a short path's.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duoglide.arrays import FloatArray
+from duoglide.planning.timing import _interior_point
+from duoglide.planning.timing import _rows as _retiming_rows
+
+Nodes: TypeAlias = tuple[FloatArray, FloatArray]  # alpha and beta at each node, (n + 1,)
+
+WINDOW = 320  # cells
+LONG = 480  # cells, from which on a problem is cut into windows
+_SHRINKS = (0.95, 0.7, 0.45)  # of the last solution, to begin the next one strictly inside; where
+# the solver fails from near the bounds, it begins again farther from them
+_SHRINK_ENDS = 0.99  # the same where the ends of windows stay as they are
+_ENOUGH = 0.5  # of the windows converge, or the sweep has failed
+
+
+class Limits(NamedTuple):
+    """Length of each cell, and the limits of ``_retiming_rows.limit_rows``."""
+
+    delta: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+    def window(self, low: int, high: int) -> Limits:
+        """Return the cells from ``low`` to before ``high``."""
+        return Limits(*(part[low:high] for part in self))
+
+
+class Solution(NamedTuple):
+    """What was found.
+
+    Attributes:
+        nodes: alpha and beta at each node.
+        converged: Whether the solver did, in most windows.
+        kept: In how many it did not, so that they keep what they had.
+    """
+
+    nodes: Nodes
+    converged: bool
+    kept: int = 0
+
+
+def solve(limits: Limits, start: Nodes, tolerance: float, from_rest: bool = True) -> Solution:
+    """Return the quickest retiming with the tangents of the jerk limit at ``start``.
+
+    Args:
+        limits: Of a motion that ends at rest.
+        start: Where to begin, and where the tangents are.
+        tolerance: Of the duration, relative.
+        from_rest: Whether the motion begins at rest; else its first node stays as it is, and all
+            of it is one window.
+    """
+    cells = limits.delta.size
+    if cells < LONG or not from_rest:
+        rows = _rows(limits, start)
+        return Solution(*_window(limits, rows, start, (from_rest, True), tolerance))
+    edges, between = _cuts(cells)
+    first = _sweep(limits, start, edges, tolerance)
+    if not first.converged:
+        return first
+    return _sweep(limits, first.nodes, between, tolerance)
+
+
+def _cuts(cells: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where the windows of both sweeps begin and end."""
+    edges = np.linspace(0.0, cells, round(cells / WINDOW) + 1)
+    between = 0.5 * (edges[1:] + edges[:-1])
+    return _mirrored(edges, cells), _mirrored(np.append(0.0, between), cells)
+
+
+def _mirrored(cuts: FloatArray, cells: int) -> NDArray[np.intp]:
+    """Round cuts to whole cells so that they are the same seen from either end.
+
+    A cut in the middle of the middle cell becomes the two about that cell.
+    """
+    low = np.floor(cuts[cuts <= 0.5 * cells]).astype(np.intp)
+    return np.union1d(low, cells - low)
+
+
+def _sweep(limits: Limits, start: Nodes, cuts: NDArray[np.intp], tolerance: float) -> Solution:
+    """Solve each window between two cuts."""
+    worst = _interior_point.excess(_rows(limits, start), _unknowns(start, _unit(limits)))
+    scale = _SHRINK_ENDS / max(1.0, worst)
+    alpha, beta = start[0] * scale, start[1] * scale
+    kept = 0
+    for low, high in pairwise(cuts.tolist()):
+        if high - low == 1:
+            continue  # both of its nodes stay as they are
+        at = slice(low, high + 1)
+        part = limits.window(low, high)
+        rows = _rows(part, (start[0][at], start[1][at]))
+        at_rest = low == 0, high == limits.delta.size
+        found, converged = _window(part, rows, (alpha[at], beta[at]), at_rest, tolerance)
+        if converged:
+            alpha[at], beta[at] = found
+        else:
+            kept += 1
+    return Solution((alpha, beta), kept <= (1.0 - _ENOUGH) * (cuts.size - 1), kept)
+
+
+def _window(
+    limits: Limits,
+    rows: tuple[NDArray[np.int64], FloatArray, FloatArray],
+    begin: Nodes,
+    at_rest: tuple[bool, bool],
+    tolerance: float,
+) -> tuple[Nodes, bool]:
+    """Solve for the nodes between two ends, each of which is at rest or stays as it is.
+
+    Args:
+        limits: Of the cells.
+        rows: Of these limits; changed in place.
+        begin: Where to begin, and where to stay in the ends that are not at rest.
+        at_rest: Whether the first node and the last one are.
+        tolerance: Of the duration, relative.
+    """
+    unit = _unit(limits)
+    first, factors, bounds = rows
+    point_first, points, weights = _retiming_rows.duration_points(limits.delta, unit)
+    x = _unknowns(begin, unit)
+    ties = _ties(x, at_rest)
+    offsets = _retiming_rows.replace_unknowns(point_first, points, ties)
+    bounds -= _retiming_rows.replace_unknowns(first, factors, ties)
+    shrinks = [1.0]
+    if all(at_rest):
+        x /= max(1.0, _interior_point.excess(rows, x))
+        shrinks = list(_SHRINKS)
+    else:
+        bounds[~factors.any(axis=1)] = 1.0  # nothing is left to decide there
+    goal = (point_first, points, offsets, weights)
+    inside, converged = x, False
+    while shrinks and not converged:
+        x = inside * shrinks.pop(0)
+        _steps, converged = _interior_point.solve(rows, goal, x, tolerance)
+    for unknown, by, value in ties:
+        x[unknown] = x[by] if by >= 0 else value
+    return (x[0::2].copy(), x[1::2] / unit), bool(converged)
+
+
+def _ties(x: FloatArray, at_rest: tuple[bool, bool]) -> list[tuple[int, int, float]]:
+    """Return the unknowns at the ends that are not free: which, and by which other or value.
+
+    At rest alpha is constant in the first or last cell: what else it did there would cost nothing,
+    because the motion hardly moves.
+    """
+    last = x.size - 2
+    ties = []
+    for rest, end, beside in zip(at_rest, (0, last), (2, last - 2), strict=True):
+        if rest:
+            ties += [(end, beside, 0.0), (end + 1, -1, 0.0), (beside + 1, -1, 0.0)]
+        else:
+            ties += [(end, -1, float(x[end])), (end + 1, -1, float(x[end + 1]))]
+    return ties
+
+
+def _rows(limits: Limits, at: Nodes) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """Return the rows of all limits, with the tangents of the jerk limit at ``at``."""
+    alpha, beta = at
+    middle = 0.5 * (alpha[1:] + alpha[:-1]) - 0.25 * limits.delta * np.diff(beta)
+    tangent = np.column_stack([alpha[:-1], middle, alpha[1:]])
+    first, factors, bounds = _retiming_rows.limit_rows(
+        limits.delta, _unit(limits), tuple(limits[1:]), tangent
+    )
+    return first, factors, bounds
+
+
+def _unit(limits: Limits) -> float:
+    """Return the factor of beta in the unknowns [s]."""
+    return float(limits.delta.sum()) / limits.delta.size
+
+
+def _unknowns(nodes: Nodes, unit: float) -> FloatArray:
+    """Return alpha and ``unit`` times beta of each node in turn."""
+    x = np.empty(2 * nodes[0].size)
+    x[0::2] = nodes[0]
+    x[1::2] = unit * nodes[1]
+    return x

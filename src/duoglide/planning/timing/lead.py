@@ -1,0 +1,216 @@
+"""Time a span that begins in motion: where the last trajectory of a program hands over.
+
+The state in which the span begins is given, so that nothing may be slowed as a whole at the end.
+So the limits are lowered a little beforehand, by what a timing may be off between its knots; and
+the way to rest that the last trajectory has from there shows the solver where to look. That way
+keeps one per cent of every limit in reserve (``TimedCurve.ahead``): where a motion brakes with all
+it has, the smallest change of its knots would leave no way at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+import ruckig
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import LimitError
+from duoglide.machine import CarriageLimits
+from duoglide.motion.path.rounded import SpeedCap
+from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, knots_of_jerks
+from duoglide.planning.timing.retiming import Retiming, RetimingProblem
+from duoglide.planning.timing.timed_curve import SigmaCap, TimedCurve
+
+ALLOWED = 1.5e-3  # of the velocity limits, by which a timing may exceed the lowered ones
+_EARLY = 3  # cells in which half of that is granted, as what comes before may have used it
+_SPARE = 1.05  # of acceleration, and of what it still adds to the speed at the start
+_TRIES = 12
+_SOFTER = 0.8  # of the jerk at the end of a way to rest
+_LOOKS = 401
+_VANISHED = 1e-9  # of the duration; phases below this are none
+_CLOSE = 0.4  # of a cell
+_SAFE = 1.0 + 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lead:
+    """How a timing begins, in a program that goes on.
+
+    Attributes:
+        way: A way to rest that is known, from the state in which the timing begins, sigma from 0;
+            None: the timing begins at rest.
+        ahead: From where on the timing is only a way to rest, and keeps a reserve of every limit
+            [mm].
+    """
+
+    way: Profile | None = None
+    ahead: float = inf
+
+    @property
+    def speed(self) -> float:
+        """D sigma/dt at the start [mm/s]."""
+        return 0.0 if self.way is None else float(self.way.knots[0, SPEED])
+
+    @property
+    def acceleration(self) -> float:
+        """d2 sigma/dt2 at the start [mm/s^2]."""
+        return 0.0 if self.way is None else float(self.way.knots[0, ACCELERATION])
+
+    def lifted(self, cap: SigmaCap) -> SigmaCap:
+        """Return a cap that the known way to rest keeps."""
+        if self.way is None:
+            return cap
+        _, motion = self._samples(self.way)
+        known = np.interp(cap.sigma, motion[:, 0], motion[:, 1] * _SAFE, right=0.0)
+        return SigmaCap(cap.sigma, np.maximum(cap.speed, known))
+
+    def known(self, problem: RetimingProblem) -> Profile:
+        """Return the known way until it is as slow as no limit minds anywhere."""
+        _, base = self._samples(problem.base)
+        return self._levelled(base[:, 0], np.sqrt(problem.uniform().alpha[0]) * base[:, 1])
+
+    def _levelled(self, sigma: FloatArray, slow: FloatArray) -> Profile:
+        """Return the known way, with its last deceleration ended early: at the speeds ``slow``."""
+        assert self.way is not None
+        times, motion = self._samples(self.way)
+        s, v, a = motion[:, :3].T
+        last = -1 - _LOOKS // 50
+        jerk = _SOFTER * a[last] ** 2 / (2.0 * v[last])  # of the last phase, where v = a^2 / 2 j
+        jerk = max(jerk, v[last] / self.way.duration**2)
+        low = (a < 0.0) & (v - a * a / (2.0 * jerk) <= np.interp(s, sigma, slow))
+        k = int(np.argmax(low)) if low.any() else last
+        begin, (s0, v0, a0, _) = float(times[k]), motion[k].tolist()
+        h = min(abs(a0) / jerk, v0 / max(abs(a0), 1e-300))  # at the latest at half the speed
+        h = max(h, _VANISHED * self.way.duration)
+        end = (begin + h, s0 + h * (v0 + h * a0 / 3.0), v0 + 0.5 * h * a0, 0.0)
+        kept = self.way.knots[self.way.knots[:, TIME] < begin]
+        return Profile(np.array([*kept, (begin, s0, v0, a0), end]))
+
+    @staticmethod
+    def _samples(way: Profile) -> tuple[FloatArray, FloatArray]:
+        times = np.linspace(0.0, way.duration, _LOOKS)
+        return times, way.at(times)
+
+    def granted(self, problem: RetimingProblem) -> RetimingProblem:
+        """Return a problem that begins in motion, with a little more speed allowed early on."""
+        speed = problem.speed.copy()
+        speed[:_EARLY] /= (1.0 + 0.5 * ALLOWED) ** 2
+        return replace(problem, speed=speed, from_rest=False)
+
+    def first_motion(self, start: float, end: float, bounds: tuple[float, ...]) -> Profile:
+        """Return a motion from this state to rest that never turns back.
+
+        Args:
+            start: Sigma at the start [mm].
+            end: Where to come to rest [mm].
+            bounds: Of the three derivatives of sigma, about; exceeded where there is need.
+
+        Raises:
+            LimitError: There is none.
+        """
+        length = end - start
+        speed = max(bounds[0], self.speed)
+        rate = max(bounds[1], _SPARE * abs(self.acceleration), self.speed**2 / length)
+        third = max(bounds[2], 2.0 * self.acceleration**2 / self.speed, rate**2 / speed)
+        for _ in range(_TRIES):
+            top = max(speed, self.speed + _SPARE * max(self.acceleration, 0.0) ** 2 / (2.0 * third))
+            found = self._ruckig(start, length, (top, rate, third))
+            if found is not None:
+                return found
+            rate, third = 2.0 * rate, 4.0 * third
+        raise LimitError(
+            f"no motion from {self.speed:g} mm/s to rest within {length:g} mm that does not turn"
+        )
+
+    def _ruckig(
+        self, start: float, length: float, bounds: tuple[float, float, float]
+    ) -> Profile | None:
+        """Ask ruckig for a motion along a line, in units of the length and of length / speed."""
+        second = length / bounds[0]
+        question = ruckig.InputParameter(1)
+        question.current_position, question.target_position = [0.0], [1.0]
+        question.current_velocity = [self.speed * second / length]
+        question.current_acceleration = [self.acceleration * second**2 / length]
+        names = "max_velocity", "max_acceleration", "max_jerk"
+        for order, (name, bound) in enumerate(zip(names, bounds, strict=True), start=1):
+            setattr(question, name, [bound * second**order / length])
+        answer = ruckig.Trajectory(1)
+        result = ruckig.Ruckig(1).calculate(question, answer)
+        (profile,) = answer.profiles[0]
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished) or any(profile.brake.t):
+            return None
+        times = np.array(profile.t) * second
+        jerks = np.array(profile.j) * length / second**3
+        last = times > _VANISHED * times.sum()
+        phases = zip(jerks[last].tolist(), times[last].tolist(), strict=True)
+        state = (start, self.speed, self.acceleration)
+        return _never_turning(knots_of_jerks(state, phases, start + length))
+
+
+def along(known: Profile, problem: RetimingProblem) -> Retiming:
+    """Return the retiming that makes the base of a problem ``known``, and goes on as slowly."""
+    knots = problem.base.knots[:-1]
+    sigma, speed, rate = knots[:, SIGMA], knots[:, SPEED], knots[:, ACCELERATION]
+    last = problem.base.at_time(problem.base.time_at(known.end))[1]
+    share = float(known.knots[-1, SPEED]) / last if last > 0.0 else 1.0
+    motion = known.at([known.time_at(at) for at in sigma.tolist()])
+    on = sigma <= known.end
+    alpha = np.where(on, motion[:, 1] / speed, share) ** 2
+    beta = np.where(on, (motion[:, 2] - rate * alpha) / speed, 0.0)
+    alpha[0], beta[0] = 1.0, 0.0
+    return Retiming(np.append(alpha, alpha[-1]), np.append(beta, 0.0))
+
+
+def thinned(known: Profile, breaks: FloatArray, cells: int) -> FloatArray:
+    """Return the knots of a profile that stand close neither together nor to a break, (n, 4).
+
+    Args:
+        known: The profile.
+        breaks: Sigma where there are knots anyway, the start among them [mm].
+        cells: How many cells there are to be, about.
+    """
+    least = _CLOSE * known.duration / cells
+    taken = np.array([known.time_at(sigma) for sigma in breaks[breaks <= known.end].tolist()])
+    kept: list[FloatArray] = []
+    before = 0.0
+    for knot in known.knots[1:-2]:
+        if knot[TIME] - before > least and np.abs(knot[TIME] - taken).min() > least:
+            kept.append(knot)
+            before = knot[TIME]
+    return np.array([*kept, *known.knots[-2:]])  # between the last two it levels out
+
+
+def _never_turning(knots: FloatArray) -> Profile | None:
+    """Return the profile, or None where it stands or goes back before its end."""
+    if np.any(np.diff(knots[:, SIGMA]) <= 0.0):
+        return None
+    profile = Profile(knots)
+    looks = profile.at(np.linspace(0.0, profile.duration, _LOOKS)[:-1])
+    return profile if bool(np.all(looks[:, 1] > 0.0)) else None
+
+
+def lowered(timed: TimedCurve, ahead: float) -> TimedCurve:
+    """Return what is to be timed with every limit and cap lowered, as if time went slower.
+
+    Args:
+        timed: What is to be timed.
+        ahead: From where on there is to be a reserve beside that [mm].
+    """
+    share = 1.0 / (1.0 + ALLOWED)
+    limits = timed.machine.limits
+    lower = CarriageLimits(
+        velocity=limits.velocity * share,
+        acceleration=limits.acceleration * share**2,
+        jerk=limits.jerk * share**3,
+    )
+    caps = tuple(SpeedCap(cap.start, cap.end, cap.speed * share) for cap in timed.speed_caps)
+    tool = timed.tool_acceleration
+    return replace(
+        timed,
+        machine=replace(timed.machine, limits=lower),
+        speed_caps=caps,
+        tool_acceleration=None if tool is None else tool * share**2,
+        ahead=ahead,
+    )

@@ -1,0 +1,136 @@
+"""The quickest motion from a state in motion to the first rest of a curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import LimitError
+from duoglide.motion.profile import SIGMA, TIME, Profile
+from duoglide.planning.timing.grid import grid
+from duoglide.planning.timing.lead import ALLOWED, Lead, along, thinned
+from duoglide.planning.timing.retiming import Retiming, RetimingProblem
+from duoglide.planning.timing.span import (
+    COARSE,
+    Effort,
+    Search,
+    Span,
+    divided,
+    fitting_bounds,
+    in_part,
+    marks,
+    parts_of,
+)
+from duoglide.planning.timing.timed_curve import TimedCurve
+from duoglide.planning.timing.use import largest_use, stretch
+
+_SAME = 1e-3  # of the duration; knots nearer than that to one that must be are left out
+
+
+def time_moving(timed: TimedCurve, lead: Lead, end: float, effort: Effort) -> Span:
+    """Time the part of a curve from its start, in motion, to its first rest.
+
+    Args:
+        timed: The curve, with its limits ``lowered``.
+        lead: How it begins.
+        end: Where it comes to rest [mm].
+        effort: How finely to look.
+
+    Raises:
+        LimitError: None was found that begins like this.
+    """
+    sigma = marks(timed, 0.0, end)
+    base = lead.first_motion(0.0, end, _bounds(timed, sigma))
+    search = _Moving(Search.along(timed, base, sigma), lead)
+    with np.errstate(invalid="ignore", divide="ignore"):  # what is no motion is given up
+        found = search.quickest(effort) or search.quickest(effort.finer())
+    if found is None:
+        raise LimitError(f"no timing was found that begins at {lead.speed:g} mm/s")
+    return found
+
+
+def _bounds(timed: TimedCurve, sigma: FloatArray) -> tuple[float, float, float]:
+    """Return what fits limits and caps: a base far too fast has no room in its first cells."""
+    speed, acceleration, jerk = fitting_bounds(timed, sigma)
+    if timed.has_caps:
+        unit = np.zeros((sigma.size, 1, 4))
+        unit[:, 0, 0], unit[:, 0, 1] = sigma, 1.0
+        caps = timed.caps(unit, timed.pieces_between(sigma)[:, None], sigma)
+        speed = min(speed, float((1.0 / caps.speed).min()))
+    return speed, acceleration, jerk
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moving:
+    """Search for the quickest motion that begins with a lead.
+
+    Attributes:
+        search: For the quickest retiming of a base that begins like that.
+        lead: How it begins.
+    """
+
+    search: Search
+    lead: Lead
+
+    def problem(self, times: FloatArray) -> RetimingProblem:
+        """State the problem on a grid."""
+        return self.lead.granted(self.search.problem(times))
+
+    def quickest(self, effort: Effort) -> Span | None:
+        """Return the near-optimal motion, or None where none keeps the limits."""
+        reason = ""
+        times, start = self.begin(effort)
+        problem = self.problem(times)
+        found = problem.settled(start, effort.rounds - 1, effort.tolerance)
+        if not _sound(problem, found):
+            return None
+        for _ in range(effort.refine):
+            parts = parts_of(self.search.timed, problem.profile(found))
+            before, times = times, divided(times, parts)
+            finer = self.problem(times)
+            again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
+            if not _sound(finer, again):
+                reason = COARSE
+                break
+            problem, found = finer, again
+        profile = self.polished(problem, found, effort)
+        return None if profile is None else in_part(profile, reason)
+
+    def polished(self, problem: RetimingProblem, found: Retiming, effort: Effort) -> Profile | None:
+        """Lower the limits where the motion exceeds them between knots, until it does not."""
+        limits = replace(self.search.timed, sigma_cap=None)  # the brakes themselves judge that cap
+        for _ in range(effort.polish + 1):
+            profile = problem.profile(found)
+            use = largest_use(limits, profile)
+            if stretch(use) < 1.0 + ALLOWED:
+                return profile
+            problem = problem.tightened(use)
+            found = problem.improved(found, 1, effort.tolerance)
+            if not _sound(problem, found):
+                break
+        return None
+
+    def begin(self, effort: Effort) -> tuple[FloatArray, Retiming]:
+        """Return a grid with the knots of the known way to rest, and that way itself."""
+        search = self.search
+        rough = self.problem(search.grid(search.own_clock, effort.coarse, 2))
+        known = self.lead.known(rough)
+        slowness = along(known, rough).alpha ** -0.5
+        shown = np.cumsum(0.5 * rough.delta * (slowness[1:] + slowness[:-1]))
+        clock = rough.base.knots[:, TIME], np.concatenate([[0.0], shown])
+        knots = thinned(known, search.sigma, effort.cells)[:, SIGMA]
+        there = np.array([search.base.time_at(sigma) for sigma in knots.tolist()])
+        gap = np.abs(there[:, None] - search.fixed).min(axis=1)
+        beyond = search.fixed[search.fixed > there[-1]]
+        parts = np.linspace(beyond[:-1], beyond[1:], effort.per_piece + 1)[1:-1]
+        wanted = [*there[gap > _SAME * search.base.duration], *parts.ravel()]
+        fixed = np.union1d(search.fixed, wanted)
+        times = grid(fixed, np.zeros(0), clock, effort.cells, 1)
+        return times, along(known, self.problem(times))
+
+
+def _sound(problem: RetimingProblem, found: Retiming) -> bool:
+    """Whether the solver converged, to a motion that goes on between the nodes too."""
+    return found.converged and bool(np.isfinite(found.durations(problem.delta)).all())

@@ -1,0 +1,323 @@
+"""The quickest motion between two rests of a curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duoglide.arrays import FloatArray
+from duoglide.motion.profile import TIME, Profile
+from duoglide.motion.timing_report import TimingMethod
+from duoglide.planning.compare import less
+from duoglide.planning.timing.base import seven_phases
+from duoglide.planning.timing.grid import grid
+from duoglide.planning.timing.retiming import Retiming, RetimingProblem, on_grid
+from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
+from duoglide.planning.timing.use import POINTS, largest_use, stretch
+
+_ROUNDING = 1e-6
+_LONG = 6  # corrections, after which ``_NEARLY`` is enough
+_NEARLY = 1e-3  # of the duration
+_FINE = 3e-4  # of the duration; a motion that exceeds its limits by less needs no other round
+_RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
+_USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
+_SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
+_SAME = 1e-7  # of the duration; knots nearer than that are one
+COARSE = "a refinement did not converge: the motion before it is kept"
+_UNPOLISHED = "a correction of overshoots did not converge: the whole is slowed instead"
+_NOT_CONVERGED = "the interior-point method did not converge"
+_ABOUT = 3e-3  # of the duration, to which an estimate is found
+_AGAIN = 2  # tangents of an estimate that begins from another one
+_SAVED = 2  # tangents in the second problem, because it begins from the first one's solution
+_RAMP = 30.0  # to reach a limit in less than the share 1 / _RAMP of a cell gains nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How finely and how long to look for the quickest timing.
+
+    Attributes:
+        coarse: Cells of the first problem, which only shows where time is spent.
+        cells: Cells of the second problem.
+        per_piece: Cells of each piece of the curve, at least.
+        rounds: Tangents of the jerk limit, at least.
+        refine: How often to divide cells in which the motion exceeds a limit between points.
+        polish: How often at most to lower limits where the motion between knots exceeds them.
+        tolerance: Of the duration, relative.
+    """
+
+    coarse: int = 32
+    cells: int = 70
+    per_piece: int = 4
+    rounds: int = 3
+    refine: int = 2
+    polish: int = 12
+    tolerance: float = 1e-5
+
+    def finer(self) -> Effort:
+        """Return what to try where this did not converge: other knots, and more of them."""
+        return replace(self, coarse=2 * self.coarse, cells=self.cells + self.cells // 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Span:
+    """A profile between two rests.
+
+    Attributes:
+        profile: Certified: every limit holds.
+        method: Which stage made it.
+        reason: Why it is not the near-optimal one; empty where it is.
+    """
+
+    profile: Profile
+    method: TimingMethod = TimingMethod.NEAR_OPTIMAL
+    reason: str = ""
+
+
+def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Span:
+    """Time the part of a curve between two rests, ``start`` and ``end`` [mm]."""
+    search = Search.between(timed, start, end)
+    found = search.eased(effort).quickest(effort)
+    if found is None:
+        effort = effort.finer()
+        found = search.eased(effort).quickest(effort)
+    if found is None:
+        return Span(search.simple(), TimingMethod.CERTIFIED_SLOW, _NOT_CONVERGED)
+    if search.fixed.size > 2:
+        return found
+    simple = search.simple()  # which is the optimum where all carriages move alike
+    return found if less(found.profile.duration, simple.duration) else Span(simple)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rough:
+    """About how long the quickest motion takes, and that motion on few cells.
+
+    Attributes:
+        duration: [s]; infinity where no motion was found.
+        fixed: Times of the base at the ends of pieces [s].
+        times: Times of the base at the nodes [s].
+        shown: Times of the motion at the nodes [s].
+        retiming: From one to the other.
+    """
+
+    duration: float
+    fixed: FloatArray
+    times: FloatArray
+    shown: FloatArray
+    retiming: Retiming
+
+    def begin(self, fixed: FloatArray, times: FloatArray) -> Retiming:
+        """Return this retiming for a curve like this one, at ``times`` of that one's base."""
+        mine, its = self._pairs(fixed)
+        at = np.interp(times, its, mine)
+        found = self.retiming.resampled(self.times, at)
+        return replace(found, beta=found.beta * np.gradient(at, times))
+
+    def clock(self, fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the clock of a grid for a curve like this one."""
+        mine, its = self._pairs(fixed)
+        return np.interp(self.times, mine, its), self.shown
+
+    def _pairs(self, fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return times of this base and of another one that belong together."""
+        if fixed.size == self.fixed.size:
+            return self.fixed, fixed
+        return self.fixed[[0, -1]], fixed[[0, -1]]
+
+
+def estimate(
+    timed: TimedCurve, start: float, end: float, cells: int, like: Rough | None = None
+) -> Rough:
+    """Estimate how long the quickest motion takes.
+
+    Args:
+        timed: The curve.
+        start: Where the motion begins [mm].
+        end: Where it ends [mm].
+        cells: Of the problem, about.
+        like: The estimate for a curve like this one: where to begin. Estimates that begin alike
+            can be compared with each other, better than each with the truth.
+    """
+    search = Search.between(timed, start, end).eased(Effort(cells=cells))
+    clock = search.own_clock if like is None else like.clock(search.fixed)
+    times = search.grid(clock, cells, 4)
+    problem = search.problem(times)
+    if like is None:
+        found = problem.settled(problem.uniform(), 1, _ABOUT)
+    else:
+        found = problem.improved(like.begin(search.fixed, times), _AGAIN, _ABOUT)
+    if not found.converged:
+        return Rough(inf, search.fixed, times, times, found)
+    shown = np.append(0.0, np.cumsum(found.durations(problem.delta)))
+    return Rough(float(shown[-1]), search.fixed, times, shown, found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Search:
+    """Search for the quickest retiming of a simple motion.
+
+    Attributes:
+        timed: The curve.
+        base: A simple motion, which is retimed.
+        fixed: Times of it at which a knot must be: the ends, and the curve's breaks [s].
+        sigma: The breaks themselves, ends included [mm].
+    """
+
+    timed: TimedCurve
+    base: Profile
+    fixed: FloatArray
+    sigma: FloatArray
+
+    @classmethod
+    def between(cls, timed: TimedCurve, start: float, end: float) -> Search:
+        """Return a search between two rests."""
+        sigma = marks(timed, start, end)
+        return cls.along(timed, seven_phases(start, end, fitting_bounds(timed, sigma)), sigma)
+
+    @classmethod
+    def along(cls, timed: TimedCurve, base: Profile, sigma: FloatArray) -> Search:
+        """Return a search that retimes ``base``; ``sigma`` are its ``marks``."""
+        fixed = np.array([0.0, *(base.time_at(b) for b in sigma[1:-1]), base.duration])
+        return cls(timed, base, fixed, sigma)
+
+    @property
+    def own_clock(self) -> tuple[FloatArray, FloatArray]:
+        """The base's own time."""
+        ends = np.array([0.0, self.base.duration])
+        return ends, ends
+
+    def grid(self, clock: tuple[FloatArray, FloatArray], cells: int, least: int) -> FloatArray:
+        """Divide the base into cells that are even on a clock."""
+        return grid(self.fixed, self.base.knots[1:-1, TIME], clock, cells, least)
+
+    def problem(self, times: FloatArray) -> RetimingProblem:
+        """State the problem on a grid."""
+        return RetimingProblem.on(self.timed, on_grid(self.base, times, self.sigma))
+
+    def eased(self, effort: Effort) -> Search:
+        """Return this search with limits of acceleration and jerk that it can make use of.
+
+        A limit that could be reached in a small share of a cell is lowered: at any higher one the
+        motion is as quick, but bends more sharply than cells can show.
+        """
+        cells = max(effort.cells, effort.per_piece * (self.fixed.size - 1))
+        timed = self.timed.eased(_RAMP * cells / self.base.duration)
+        if np.array_equal(timed.limits, self.timed.limits):
+            return self
+        return Search.between(timed, self.sigma[0], self.sigma[-1])
+
+    def simple(self) -> Profile:
+        """Return the base itself, slowed until it keeps every limit."""
+        even = np.linspace(0.0, self.base.duration, 65)
+        every = np.union1d(even, self.base.knots[:, TIME])
+        near = np.searchsorted(self.fixed, every).clip(1, self.fixed.size - 1)
+        gap = np.minimum(every - self.fixed[near - 1], self.fixed[near] - every)
+        every = every[np.abs(gap) > _SAME * self.base.duration]
+        apart = np.diff(every, prepend=-1.0) > _SAME * self.base.duration
+        times = np.union1d(every[apart], self.fixed)
+        return _certified(self.timed, on_grid(self.base, times, self.sigma))
+
+    def quickest(self, effort: Effort) -> Span | None:
+        """Return the near-optimal motion, or None where the solver does not converge."""
+        coarse = self.grid(self.own_clock, effort.coarse, 2)
+        rough = self.problem(coarse)
+        first = rough.settled(rough.uniform(), 1, 1e-3)
+        if not first.converged:
+            return None
+        clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
+        times = self.grid(clock, effort.cells, effort.per_piece)
+        timed = self.timed.eased(_RAMP * times.size / clock[1][-1])  # the base is slower than that
+        search = replace(self, timed=timed)
+        problem = search.problem(times)
+        begin = first.resampled(coarse, times)
+        found = problem.settled(begin, max(1, effort.rounds - _SAVED), effort.tolerance)
+        if not found.converged:
+            return None
+        for _ in range(effort.refine):
+            parts = parts_of(timed, problem.profile(found))
+            before, times = times, divided(times, parts)
+            finer = search.problem(times)
+            again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
+            if not again.converged:
+                span = _polished(timed, problem, found, effort)
+                return in_part(span.profile, COARSE, span.reason)
+            problem, found = finer, again
+        return _polished(timed, problem, found, effort)
+
+
+def marks(timed: TimedCurve, start: float, end: float) -> FloatArray:
+    """Return sigma of both ends, and of every break between them that needs a knot [mm]."""
+    breaks = timed.breaks
+    sliver = min(_SLIVER, 1e-3 * (end - start))
+    inner = breaks[(breaks > start + sliver) & (breaks < end - sliver)]
+    inner = inner[np.diff(inner, prepend=start) > sliver]
+    return np.array([start, *inner, end])
+
+
+def fitting_bounds(timed: TimedCurve, marked: FloatArray) -> tuple[float, float, float]:
+    """Return bounds of the derivatives of sigma that about fit the limits everywhere."""
+    sigma = np.unique(np.concatenate([np.linspace(marked[0], marked[-1], 65), marked]))
+    unit = np.zeros((sigma.size, 4))
+    unit[:, 0], unit[:, 1] = sigma, 1.0
+    use = np.abs(timed.motion(unit, timed.pieces_between(sigma))[:, 0])  # of velocity, at 1 mm/s
+    slopes = use * timed.limits[0]
+    largest = np.maximum(slopes, 1e-12 * slopes.max()).max(axis=0)
+    speed, acceleration, jerk = (timed.limits / largest).min(axis=1).tolist()
+    return speed, acceleration, jerk
+
+
+def _certified(timed: TimedCurve, profile: Profile) -> Profile:
+    """Return ``profile``, slowed by one factor so that no limit is exceeded anywhere."""
+    return profile.stretched(stretch(largest_use(timed, profile)) * (1.0 + _ROUNDING))
+
+
+def parts_of(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
+    """Return into how many parts each cell is to be divided.
+
+    A limit is exceeded between points, or none is used all along, as one is at the optimum.
+    """
+    uses = CellMotion.of(timed, profile, POINTS).uses()
+    over = np.sqrt((uses.max(axis=(1, 2, 3)) - 1.0).clip(0.0) / _RESOLVED)
+    slack = uses.mean(axis=1).max(axis=(1, 2)) < _USED
+    return np.where(slack, 2, np.clip(np.ceil(over), 1, 4)).astype(np.intp)
+
+
+def divided(times: FloatArray, parts: NDArray[np.intp]) -> FloatArray:
+    """Divide each cell of a grid into even parts."""
+    cell = np.repeat(np.arange(parts.size), parts)
+    share = (np.arange(cell.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[cell]
+    return np.append(times[cell] + share * np.diff(times)[cell], times[-1])
+
+
+def _polished(timed: TimedCurve, problem: RetimingProblem, found: Retiming, effort: Effort) -> Span:
+    """Lower the limits where the motion exceeds them between knots; slow down by what remains."""
+    best = problem.profile(found), found.kept
+    least, remedy = inf, ""
+    for turn in range(effort.polish + 1):
+        profile = problem.profile(found)
+        use = largest_use(timed, profile)
+        factor = stretch(use)
+        if profile.duration * factor < least:
+            best, least = (profile, found.kept), profile.duration * factor
+        enough = _NEARLY if turn >= _LONG else _FINE
+        if least < (1.0 + enough) * profile.duration or turn == effort.polish:
+            break
+        problem = problem.tightened(use)
+        again = problem.improved(found, 1, effort.tolerance)
+        if not again.converged:
+            remedy = _UNPOLISHED
+            break
+        found = again
+    profile, kept = best
+    profile = profile.stretched(least / profile.duration * (1.0 + _ROUNDING))
+    return in_part(profile, f"{kept} windows of it did not converge" if kept else "", remedy)
+
+
+def in_part(profile: Profile, *reasons: str) -> Span:
+    """Return a span that is near the optimum but for some reasons, which may be empty."""
+    told = "; ".join(filter(None, reasons))
+    return Span(profile, TimingMethod.IN_PART if told else TimingMethod.NEAR_OPTIMAL, told)

@@ -1,0 +1,268 @@
+"""Jog: move by hand, cycle by cycle, with nothing sent that was not validated.
+
+Every setpoint comes with a way to stop behind it that has been looked at before: it keeps reach,
+clearance, travel, carriage order, keep-out boxes and the carriages' limits. A step that has no such
+way is not taken; the last one's is followed instead, until the wish changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import ruckig
+from numpy.typing import ArrayLike
+
+from duoglide.arrays import FloatArray, as_triples, read_only
+from duoglide.errors import InputError, PathError, SingularityError, UnreachableError
+from duoglide.kinematics.headroom.room import TOUCHING, locate, room
+from duoglide.kinematics.model import inverse, inverse_derivatives, jacobian
+from duoglide.machine import Machine
+
+_SAMPLES = 16  # of a way to stop
+_SLACK = 0.05  # mm that is left of every bound where there is so much to begin with
+_ALONG = 1e-6  # of the acceleration may point elsewhere in a motion that counts as straight
+_ROUNDING = 5e-6  # mm, within which a clearance is known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JogLimits:
+    """What the platform may do while it is moved by hand.
+
+    Attributes:
+        speed: [mm/s].
+        acceleration: [mm/s^2].
+        jerk: [mm/s^3].
+
+    Raises:
+        InputError: One of them is not finite and above zero.
+    """
+
+    speed: float = 100.0
+    acceleration: float = 1000.0
+    jerk: float = 20_000.0
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "acceleration", "jerk"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"{name} = {value!r}: must be finite and above zero")
+
+
+@dataclass(frozen=True, slots=True)
+class _Ball:
+    """Positions around one whose room is known: as much room as they are away is gone."""
+
+    centre: FloatArray
+    radius: float
+
+    def holds(self, positions: FloatArray, reserve: float) -> bool:
+        farthest = float(np.linalg.norm(positions - self.centre, axis=-1).max())
+        return farthest + reserve < self.radius
+
+
+class Jog:
+    """The platform under a velocity that somebody asks for.
+
+    Args:
+        machine: The machine.
+        carriages: Where its carriages stand, at rest [mm], shape (3,).
+        limits: What the platform may do.
+
+    Raises:
+        InputError: Not three finite numbers.
+        PathError: The machine does not stand where it may; see ``recover``.
+    """
+
+    def __init__(
+        self, machine: Machine, carriages: ArrayLike, limits: JogLimits | None = None
+    ) -> None:
+        self._machine = machine
+        self._limits = limits or JogLimits()
+        start = as_triples(carriages, "carriages", "(carriage 1, 2, 3)")
+        if start.shape != (3,):
+            raise InputError(f"carriages must have shape (3,), got {start.shape}")
+        _, quantity, amount = room(machine, start[None]).worst()
+        if amount <= TOUCHING:
+            raise PathError(
+                f"cannot jog from here: {quantity} is {-amount:.6g} mm too small; recover first",
+                quantity=quantity,
+                amount=-amount,
+            )
+        self._state = np.stack([locate(machine, start[None])[0][0], np.zeros(3), np.zeros(3)])
+        self._carriages = read_only(start)
+        self._wish = np.zeros(3)
+        self._blocked = ""
+        self._clear = self._free = _Ball(np.zeros(3), -1.0)
+        self._solver = ruckig.Ruckig(3)
+        self._question = ruckig.InputParameter(3)
+        self._question.control_interface = ruckig.ControlInterface.Velocity
+        self._question.synchronization = ruckig.Synchronization.No
+        self._stop = self._towards(self._state, np.zeros(3))
+        self._since = 0.0
+
+    @property
+    def position(self) -> FloatArray:
+        """Platform centre O' now [mm], shape (3,)."""
+        return read_only(self._state[0])
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocity of the platform now [mm/s], shape (3,)."""
+        return read_only(self._state[1])
+
+    @property
+    def moving(self) -> bool:
+        """Whether the platform moves."""
+        return bool(np.any(self._state[1:] != 0.0))
+
+    @property
+    def blocked(self) -> str:
+        """What keeps the wish from being followed; empty while nothing does."""
+        return self._blocked
+
+    def aim(self, velocity: ArrayLike) -> None:
+        """Ask for a velocity of the platform [mm/s], shape (3,); shortened to the limit of speed.
+
+        Raises:
+            InputError: Not three finite numbers.
+        """
+        wish = as_triples(velocity, "velocity")
+        if wish.shape != (3,):
+            raise InputError(f"velocity must have shape (3,), got {wish.shape}")
+        speed = float(np.linalg.norm(wish))
+        self._wish = wish * min(1.0, self._limits.speed / max(speed, 1e-300))
+        self._blocked = ""
+
+    def step(self) -> FloatArray:
+        """Let one cycle pass; return the carriages' setpoint for it [mm], shape (3,)."""
+        if not self.moving and (self._blocked or not self._wish.any()):
+            return self._carriages
+        cycle = self._machine.drives.cycle
+        try:
+            ahead = _sampled(self._towards(self._state, self._wish), np.array([cycle]))[0]
+            stop = self._towards(ahead, np.zeros(3))
+            times = np.linspace(0.0, stop.duration, _SAMPLES + 1)
+            states = np.concatenate([self._state[None], _sampled(stop, times)])
+            self._blocked = self._objection(states, max(cycle, float(times[1])))
+        except ruckig.RuckigError:
+            self._blocked = "acceleration"  # no such way: as good as a way beyond the limits
+        if self._blocked:
+            self._since += cycle
+            self._state = _sampled(self._stop, np.array([self._since]))[0]
+            if self._since >= self._stop.duration:
+                self._state[1:] = 0.0
+        else:
+            self._state, self._stop, self._since = ahead, stop, 0.0
+        self._carriages = read_only(inverse(self._machine.geometry, self._state[0]))
+        return self._carriages
+
+    def _towards(self, state: FloatArray, velocity: FloatArray) -> ruckig.Trajectory:
+        """Go over to a velocity, straight if the platform does not turn; every axis by itself.
+
+        Ruckig's own synchronisation of velocities fails now and then ("error in step 2").
+        """
+        change, acceleration = velocity - state[1], state[2]
+        share = np.full(3, 1.0 / np.sqrt(3.0))
+        size = float(np.linalg.norm(change))
+        aside = float(np.linalg.norm(np.cross(acceleration, change)))
+        if size > 0.0 and aside <= _ALONG * size * self._limits.acceleration:
+            share = np.maximum(np.abs(change) / size, _ALONG)
+        question = self._question
+        question.max_acceleration = (share * self._limits.acceleration).tolist()
+        question.max_jerk = (share * self._limits.jerk).tolist()
+        question.current_position, question.current_velocity, question.current_acceleration = (
+            state.tolist()
+        )
+        question.target_velocity = velocity.tolist()
+        question.target_acceleration = [0.0, 0.0, 0.0]
+        answer = ruckig.Trajectory(3)
+        self._solver.calculate(question, answer)
+        return answer
+
+    def _objection(self, states: FloatArray, gap: float) -> str:
+        """Say what speaks against going through ``states`` (n, 3, 3), at most ``gap`` s apart."""
+        machine, limits = self._machine, self._machine.limits
+        try:
+            third = np.zeros((len(states), 1, 3))
+            rows = inverse_derivatives(machine.geometry, np.concatenate([states, third], axis=1))
+            lever = np.linalg.norm(jacobian(machine.geometry, states[:, 0]), axis=-1)
+        except (UnreachableError, SingularityError):
+            return "reach"
+        v, a, j = np.moveaxis(np.abs(rows[:, 1:]), 1, 0)
+        uses = {"velocity": v, "acceleration": a, "jerk": j + lever * self._limits.jerk}
+        for name, values in uses.items():
+            if np.any(values > getattr(limits, name)):
+                return name
+        places = rows[:, 0]
+        half = machine.geometry.rail_half_length
+        for k in range(3):
+            bend = _larger(gap * gap * a[:, k])
+            if not _keeps(half - np.abs(places[:, k]), places[:, k, None], bend):
+                return "travel"
+        apart = places[:, 1] - places[:, 0]
+        bend = _larger(2.0 * gap * gap * a.max(axis=-1))
+        if not _keeps(apart - machine.carriage_width, apart[:, None], bend):
+            return "order"
+        return self._in_the_way(states, places, gap)
+
+    def _in_the_way(self, states: FloatArray, carriages: FloatArray, gap: float) -> str:
+        """Say what is missing of clearance, which y does not change, or of distance to boxes."""
+        position, bend = states[:, 0], _bends(states, gap, self._limits.jerk)
+        flat = position * np.array([1.0, 0.0, 1.0])
+        reserve = _SLACK + float(bend.max())
+        if self._clear.holds(flat, reserve) and self._free.holds(position, reserve):
+            return ""
+        here = room(self._machine, carriages)
+        self._clear = _Ball(flat[0], float(here.clearance[0]))
+        self._free = _Ball(position[0], float(here.keep_out[0]))
+        if not _keeps(here.clearance, flat, bend):
+            return "clearance"
+        return "" if _keeps(here.keep_out, position, bend) else "keep_out"
+
+
+def _keeps(margin: FloatArray, places: FloatArray, bend: FloatArray) -> bool:
+    """Tell whether a margin (n,) that changes by at most the way moved is kept between samples.
+
+    Between two samples it is at least half of what their sum exceeds their distance by, less what
+    the way bows off the chord: an eighth of acceleration times time squared (``bend``, (n - 1,)).
+    Where less than the slack is left at the start, it must not get less.
+    """
+    if np.isinf(margin).any():
+        return bool((margin > 0.0).all())
+    way = np.linalg.norm(np.diff(places, axis=0), axis=-1)
+    between = 0.5 * (margin[1:] + margin[:-1] - way) - 0.125 * bend
+    floor = min(_SLACK, float(margin[0]) - _ROUNDING)
+    return bool(margin.min() >= floor and between.min() > TOUCHING)
+
+
+def _bends(states: FloatArray, gap: float, jerk: float) -> FloatArray:
+    """Bound acceleration times time squared between samples at most ``gap`` s apart, (n - 1,).
+
+    The acceleration is at most half a gap's jerk larger than at the ends. A straight motion leaves
+    its chords only where it turns back: ruckig's goes back once at most, and then its velocity
+    changes sign from sample to sample, or is braked at the first and driven at the second.
+    """
+    v, a = states[:, 1], states[:, 2]
+    bends: FloatArray = gap * gap * (_larger(np.linalg.norm(a, axis=-1)) + 0.5 * jerk * gap)
+    both = np.concatenate([v, gap * a])
+    longest = both[np.argmax((both * both).sum(axis=-1))]
+    way = longest / max(float(np.linalg.norm(longest)), 1e-300)
+    speed, drive = v @ way, a @ way
+    aside = np.linalg.norm(both - (both @ way)[:, None] * way, axis=-1)
+    if aside.max() > _ALONG * np.linalg.norm(longest):
+        return bends
+    back = speed[1:] * speed[:-1] < 0.0
+    back |= ((speed * drive)[:-1] < 0.0) & ((speed * drive)[1:] > 0.0)
+    return np.where(back, bends, 0.0)
+
+
+def _larger(samples: FloatArray) -> FloatArray:
+    """Return the larger of each two neighbours, (n - 1,)."""
+    larger: FloatArray = np.maximum(samples[1:], samples[:-1])
+    return larger
+
+
+def _sampled(motion: ruckig.Trajectory, times: FloatArray) -> FloatArray:
+    """Return position, velocity and acceleration at times (n,), shape (n, 3, 3)."""
+    return np.array([motion.at_time(time) for time in times.tolist()])
