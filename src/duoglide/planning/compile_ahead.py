@@ -24,7 +24,7 @@ def beside() -> Iterator[None]:
 
     Where no process can be started, the plan waits for the compiler as it would without.
     """
-    process = None if _ready() else _start()
+    process = None if ready() else _start()
     try:
         yield
     finally:
@@ -33,11 +33,36 @@ def beside() -> Iterator[None]:
             process.wait()
 
 
-def _ready() -> bool:
-    from duoglide.kinematics.compiled import kept
-    from duoglide.planning._brake_kernel import brake_patches
+def ready() -> bool:
+    """Whether numba keeps all that a plan needs on this machine, so that none is compiled first.
 
-    return kept(brake_patches)
+    Loads numba, which a plan does anyway.
+    """
+    from duoglide.kinematics.compiled import kept
+    from duoglide.planning import (
+        _brake_kernel,
+        _carriage_bounds,
+        _interior_point,
+        _motion_kernel,
+        _nearby_kernel,
+        _retiming_rows,
+        _stopping_kernel,
+    )
+
+    return all(
+        kept(loop)
+        for loop in (
+            _motion_kernel.carriage_motion,
+            _retiming_rows.fill_limits,
+            _interior_point.direction,
+            _interior_point.advance,
+            _carriage_bounds.through_links,
+            _nearby_kernel.swing,
+            _stopping_kernel.largest_slopes,
+            _stopping_kernel.through_windows,
+            _brake_kernel.brake_patches,
+        )
+    )
 
 
 def _start() -> subprocess.Popen[bytes] | None:
