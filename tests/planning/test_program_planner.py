@@ -16,6 +16,7 @@ from duoglide.motion.path_clock import ClockState, PathClock
 from duoglide.motion.stop_bounds import StopBounds
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.planning.braking.certificate import brake_report
+from duoglide.planning.programs import joints as program_joints
 from duoglide.planning.programs import planner as program_planner
 from duoglide.planning.programs import windows as program_windows
 from duoglide.planning.programs.windows import Seam
@@ -52,7 +53,19 @@ def _brisk() -> dg.Machine:
 @pytest.fixture(scope="module")
 def moving() -> list[dg.Trajectory]:
     """A program whose corners between the paths are rounded too."""
-    return list(dg.plan_program(_brisk(), _winding(5), tolerance=3.0))
+    with pytest.MonkeyPatch.context() as patch:
+        _fix_blends(patch)
+        return list(dg.plan_program(_brisk(), _winding(5), tolerance=3.0))
+
+
+def _fix_blends(patch: pytest.MonkeyPatch) -> None:
+    """Round every corner alike: no search decides whether there is room for a seam."""
+
+    def fixed(_: dg.Machine, path: dg.Path) -> dg.Path:
+        alike = [c if isinstance(c, dg.Blend) else dg.Blend(8.0, 8.0) for c in path.corners]
+        return replace(path, corners=tuple(alike))
+
+    patch.setattr(program_joints, "choose_blends", fixed)
 
 
 def _setpoints(parts: list[dg.Trajectory]) -> np.ndarray:
@@ -143,8 +156,9 @@ def test_going_through_is_quicker_than_resting_and_about_as_quick_as_one_plan(
     whole = paths[0]
     for path in paths[1:]:
         whole = whole.then(path, 3.0)
+    whole = replace(whole, corners=(dg.Blend(8.0, 8.0),) * len(whole.corners))
     assert total < 1.03 * dg.plan(machine, whole).duration
-    assert total < 0.9 * sum(t.duration for t in dg.plan_program(machine, paths))
+    assert total < 0.95 * sum(t.duration for t in dg.plan_program(machine, paths))
 
 
 def test_the_lower_bound_of_a_part_counts_its_speed_at_both_ends(
@@ -168,7 +182,8 @@ def test_a_part_survives_its_file_with_its_way_to_rest(
     assert again.to_document() == part.to_document()
 
 
-def test_actions_happen_once_and_in_order_across_seams() -> None:
+def test_actions_happen_once_and_in_order_across_seams(monkeypatch: pytest.MonkeyPatch) -> None:
+    _fix_blends(monkeypatch)
     marks = [dg.SetOutput(1, k, True) for k in range(6)]
     paths = [
         path.at(1, one).at(-1, other)
@@ -179,7 +194,10 @@ def test_actions_happen_once_and_in_order_across_seams() -> None:
     assert [action for part in parts for _, action in part.actions] == marks
 
 
-def test_a_cap_on_the_tool_holds_across_a_seam_that_is_passed_at_it() -> None:
+def test_a_cap_on_the_tool_holds_across_a_seam_that_is_passed_at_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _fix_blends(monkeypatch)
     points = [(-41, -100, 290), (-41, 60, 290), (-25, 100, 300), (-25, 20, 300)]
     paths = [
         dg.Path.polyline(points[:3], 3.0, speed=200.0),
@@ -299,20 +317,24 @@ def test_of_many_paths_a_few_are_held(machine: dg.Machine, monkeypatch: pytest.M
     assert most <= 6
 
 
-def test_a_part_whose_refinement_fails_says_so(
-    moving: list[dg.Trajectory], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert {part.report.method for part in moving} == {TimingMethod.NEAR_OPTIMAL}
-    sound, asked = timing_moving._sound, []
+def test_a_part_whose_refinement_fails_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every first refinement of a timing that begins in motion is said to have failed."""
+    _fix_blends(monkeypatch)
+    sound, begin, asked = timing_moving._sound, timing_moving._Moving.begin, []
+
+    def beginning(*given: Any) -> Any:
+        asked.clear()
+        return begin(*given)
 
     def failing(*given: Any) -> bool:
         asked.append(given)
         return sound(*given) and len(asked) != 2  # the first is before any refinement
 
+    monkeypatch.setattr(timing_moving._Moving, "begin", beginning)
     monkeypatch.setattr(timing_moving, "_sound", failing)
     parts = list(dg.plan_program(_brisk(), _winding(3), tolerance=3.0))
-    assert len(asked) > 2
-    flagged = [part.report for part in parts if part.report.reason]
+    flagged = [part.report for part in parts if not part.starts_at_rest]
+    assert flagged
     assert {report.method for report in flagged} == {TimingMethod.IN_PART}
-    assert "refinement did not converge" in flagged[0].reason
+    assert all("refinement did not converge" in report.reason for report in flagged)
     assert max(_uses(_setpoints(parts), _brisk().limits)) < 1.0005

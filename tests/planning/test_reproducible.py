@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path as File
 
 import numpy as np
@@ -249,6 +250,67 @@ def test_a_mirror_image_that_is_the_reverse_takes_the_same_time(
 @pytest.mark.parametrize("move", SYMMETRIC)
 def test_each_of_126_symmetric_moves_is_one_plan(move: tuple[float, float, float, float]) -> None:
     assert_symmetric_twice(*move)
+
+
+def _winding(noise: Noise) -> list[dg.Path]:
+    """Return paths of two lines each, which meet at an angle."""
+    k = np.arange(7)
+    rows = -41.0 + 25.0 * np.cos(0.9 * k), 95.0 * np.sin(0.7 * k), 285.0 + 15.0 * np.sin(1.3 * k)
+    points = noise(np.column_stack(rows))
+    return [dg.Path.polyline(points[2 * i : 2 * i + 3], 3.0) for i in range(3)]
+
+
+def _straight(noise: Noise) -> list[dg.Path]:
+    """Return lines of round lengths, where windows and seams are decided by ties."""
+    points = noise(np.array([(-41.0, 40.0 * k - 80.0, 290.0 + 10.0 * (k % 2)) for k in range(5)]))
+    return [dg.Path.line(a, b) for a, b in pairwise(points)]
+
+
+@pytest.mark.parametrize("paths", [_winding, _straight])
+def test_noise_changes_no_part_of_a_program(paths: Callable[[Noise], list[dg.Path]]) -> None:
+    limits = dg.CarriageLimits(velocity=1500.0, acceleration=60e3, jerk=3e6)
+    machine = dg.Machine(limits=limits)
+    rng = np.random.default_rng(3)
+    expected, *others = (
+        [t.duration for t in dg.plan_program(machine, paths(noise), False, tolerance=3.0)]
+        for noise in (np.asarray, noisy(rng, 1e-15), noisy(rng, 1e-12))
+    )
+    assert len(expected) > 1
+    for found in others:
+        assert found == pytest.approx(expected, rel=DURATION)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        ((-41.0, -100.0, 290.0), (-41.0, 100.0, 290.0)),
+        ((-41.0, -100.0, 300.0), (-80.0, 60.0, 260.0)),
+        ((-41.0, 0.0, 300.0), (0.0, 0.0, 300.0)),
+    ],
+)
+def test_noise_changes_no_transfer(
+    start: tuple[float, float, float], goal: tuple[float, float, float]
+) -> None:
+    machine = dg.Machine.default()
+    rng = np.random.default_rng(4)
+    expected = dg.transfer(machine, start, goal).duration
+    for size in SIZES:
+        ends = noisy(rng, size)(np.array([start, goal]))
+        assert dg.transfer(machine, *ends).duration == pytest.approx(expected, rel=DURATION)
+
+
+@pytest.mark.parametrize("over", [(3.0, 3.0, 3.0), (0.0, 0.0, 25.0)])
+def test_noise_changes_no_way_out(over: tuple[float, float, float]) -> None:
+    machine = dg.Machine.default()
+    home = dg.inverse(machine.geometry, (-41.0, 0.0, 300.0))
+    least = machine.geometry.rail_half_length - np.abs(home).max()
+    start = home + least + np.array(over) if over[0] else home + np.array(over)
+    rng = np.random.default_rng(5)
+    expected = dg.recover(machine, start)
+    for size in SIZES:
+        found = dg.recover(machine, noisy(rng, size)(start))
+        assert found.duration == pytest.approx(expected.duration, rel=DURATION)
+        assert found.end == pytest.approx(expected.end, abs=CUT_BACK)
 
 
 def elsewhere(numbers: list[int], **environment: str) -> dict[int, Outcome]:

@@ -114,7 +114,7 @@ def test_the_standard_move_is_as_quick_as_the_best_known(tolerance: float, most:
     times = np.linspace(0.0, plan.duration, 20_001)
     corner = np.array([-41.0, -152.5, 320.0])
     gap = np.linalg.norm(plan.position_at(times) - corner, axis=1).min()
-    assert gap <= tolerance + 1e-6
+    assert gap <= tolerance + 1e-5  # of what the nearest sample may be beside the nearest place
 
 
 def test_the_plan_is_near_a_fine_grid_reference() -> None:

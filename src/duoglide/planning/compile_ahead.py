@@ -34,11 +34,31 @@ def beside() -> Iterator[None]:
 
 
 def ready() -> bool:
-    """Whether a plan need not wait for the compiler."""
-    from duoglide.kinematics.compiled import kept
-    from duoglide.planning.braking._kernel import brake_patches
+    """Whether numba keeps all that a plan needs on this machine, so that none is compiled first.
 
-    return kept(brake_patches)
+    Loads numba, which a plan does anyway.
+    """
+    from duoglide.kinematics.compiled import kept
+    from duoglide.kinematics.headroom import _nearby_kernel
+    from duoglide.planning.braking import _carriage_bounds
+    from duoglide.planning.braking import _kernel as brake_kernel
+    from duoglide.planning.stops import _kernel as stop_kernel
+    from duoglide.planning.timing import _interior_point, _motion_kernel, _rows
+
+    return all(
+        kept(loop)
+        for loop in (
+            _motion_kernel.carriage_motion,
+            _rows.fill_limits,
+            _interior_point.direction,
+            _interior_point.advance,
+            _carriage_bounds.through_links,
+            _nearby_kernel.swing,
+            stop_kernel.largest_slopes,
+            stop_kernel.through_windows,
+            brake_kernel.brake_patches,
+        )
+    )
 
 
 def _start() -> subprocess.Popen[bytes] | None:

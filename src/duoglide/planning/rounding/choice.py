@@ -25,18 +25,23 @@ from duoglide.planning.compare import less
 from duoglide.planning.timing.span import Rough, estimate
 from duoglide.planning.timing.timed_curve import TimedCurve
 
-_START = (-0.1, 0.5)  # of the search: balance and shape
-_STEPS = (0.25, 0.05)  # first steps of both
-_SHAPES = (0.3, 0.6)  # beyond, a blend passes its corner on the outside
-_BALANCES = (-1.6, 1.6)  # one cut-back is five times the other at most
-_HALVINGS = 1
+_USUAL = -0.15, 0.5  # balance and shape where no trials are made
+_BALANCES = (-0.15, 0.15, -0.45, -0.75)  # of the first look, the plainest first
+_BOTH_WAYS = (0.0, -0.3, 0.3)  # where neither side is the shorter one: alike seen from either end
+_SHAPE = 0.5  # of the first look
+_SHARPER = 0.6  # the same with the plainest three balances
+_ROUNDER = 0.4  # the same with the plainest one alone: good where there is little room
+_STEPS = (0.15, 0.05)  # of balance and shape, about the best of the first look
+_LEAST = (-1.6, 0.3)  # balance and shape
+_MOST = (1.6, 0.6)  # beyond that shape, a blend passes its corner on the outside
+_DIGITS = 7  # of a cut-back in mm, beyond which two are one
 _FLAT = 1e-5  # of the time; a parabola that bends less has no peak worth going to
 _EQUAL = 1e-6  # relative; two lines whose lengths differ by less are equally long
 _CELLS = 32
 _MOST_CORNERS = 40  # for more of them no trials are made
 _EXACT = 1e-9  # relative, to which a tolerance is used, from below
 _ALIKE = 1e-12  # relative, of two cut-backs that are one
-_COARSE = 16  # parts of a blend in which its nearest point is looked for
+_COARSE = 10  # parts of a blend in which its nearest point is looked for
 _GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
 _GOLDEN_STEPS = 18
 
@@ -120,10 +125,18 @@ class _Corner:
 
         best = min(range(1, _COARSE), key=lambda k: at(k / _COARSE))
         low, high = (best - 1) / _COARSE, (best + 1) / _COARSE
+        a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        at_a, at_b = at(a), at(b)
         for _ in range(_GOLDEN_STEPS):
-            a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-            low, high = (low, b) if at(a) < at(b) else (a, high)
-        return sqrt(at(0.5 * (low + high)))
+            if at_a < at_b:
+                high, b, at_b = b, a, at_a
+                a = high - _GOLDEN * (high - low)
+                at_a = at(a)
+            else:
+                low, a, at_a = a, b, at_b
+                b = low + _GOLDEN * (high - low)
+                at_b = at(b)
+        return sqrt(min(at_a, at_b))
 
 
 def choose_blends(machine: Machine, path: Path) -> Path:
@@ -142,11 +155,11 @@ def choose_blends(machine: Machine, path: Path) -> Path:
     if not corners:
         return path
     if len(corners) > _MOST_CORNERS:
-        return _styled(path, corners, Style(*_START))
-    start = _START
-    if len(corners) == 1 and corners[0].side == 0:  # both ways are searched, from the middle
-        start, corners = (0.0, _START[1]), [replace(corners[0], side=1)]
-    return _Search(machine, path, corners).best(start)
+        return _styled(path, corners, Style(*_USUAL))
+    balances: tuple[float, ...] = _BALANCES
+    if len(corners) == 1 and corners[0].side == 0:
+        balances, corners = _BOTH_WAYS, [replace(corners[0], side=1)]
+    return _Search(machine, path, corners).best(balances)
 
 
 def _open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
@@ -188,7 +201,9 @@ def _styled(path: Path, corners: list[_Corner], style: Style) -> Path:
 
 
 class _Search:
-    """A pattern search over styles.
+    """A search over styles: a first look all over, then along parabolas about the best of it.
+
+    The time is a rough landscape, in which going downhill from one place rarely ends at the best.
 
     Args:
         machine: Whose limits the time depends on.
@@ -201,19 +216,17 @@ class _Search:
         self._path = path
         self._corners = corners
         self._offset = np.subtract(machine.work_frame, machine.tool_offset)
-        self._times: dict[tuple[float, float], float] = {}
-        self._like: list[Rough] = []  # where every estimate begins
+        self._times: dict[tuple[float, ...], float] = {}
+        self._keys: dict[tuple[float, float], tuple[float, ...]] = {}
+        self._like: list[Rough] = []  # of the first style: where all others begin
 
-    def best(self, point: tuple[float, float]) -> Path:
-        """Return the path with the quickest blends found from a balance and a shape on.
-
-        That is the path itself where nothing found is quicker.
-        """
-        scale = 1.0
-        for _ in range(_HALVINGS + 1):
-            for axis in (1, 0):
-                point = self._along(point, axis, _STEPS[axis] * scale)
-            scale *= 0.5
+    def best(self, balances: tuple[float, ...]) -> Path:
+        """Return the path with the quickest blends found, or the path itself if that is quicker."""
+        looks = [(balance, _SHAPE) for balance in balances]
+        looks += [(balance, _SHARPER) for balance in balances[:3]]
+        point = self._quickest([*looks, (balances[0], _ROUNDER)])
+        for axis in (0, 1):
+            point = self._along(point, axis, _STEPS[axis])
         if not less(self._time(point), self._time_of(self._path)):
             return self._path
         return _styled(self._path, self._corners, Style(*point))
@@ -226,28 +239,34 @@ class _Search:
         candidates = [point, *sides]
         bend = low - 2.0 * here + high
         if _FLAT * here < bend < inf:
-            steps = min(max(0.5 * (low - high) / bend, -2.0), 2.0)
+            steps = min(max(0.5 * (low - high) / bend, -1.0), 1.0)
             candidates.append(self._moved(point, axis, steps * step))
-        best = candidates[0]
+        return self._quickest(candidates)
+
+    def _quickest(self, candidates: list[tuple[float, float]]) -> tuple[float, float]:
+        """Return the quickest of some styles; of those that are as quick, the first."""
+        best, least = candidates[0], self._time(candidates[0])
         for other in candidates[1:]:
-            if less(self._time(other), self._time(best)):
-                best = other
+            if less(self._time(other), least):
+                best, least = other, self._time(other)
         return best
 
     @staticmethod
     def _moved(point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
         values = [point[0], point[1]]
-        values[axis] += step
-        return (
-            min(max(values[0], _BALANCES[0]), _BALANCES[1]),
-            min(max(values[1], _SHAPES[0]), _SHAPES[1]),
-        )
+        values[axis] = min(max(values[axis] + step, _LEAST[axis]), _MOST[axis])
+        return values[0], values[1]
 
     def _time(self, point: tuple[float, float]) -> float:
-        if point not in self._times:
+        """Estimate a style, once for all styles that come to the same blends for want of room."""
+        if point not in self._keys:
             path = _styled(self._path, self._corners, Style(*point))
-            self._times[point] = self._time_of(path)
-        return self._times[point]
+            blends = [corner for corner in path.corners if isinstance(corner, Blend)]
+            key = tuple(round(v, _DIGITS) for b in blends for v in (b.before, b.after, b.shape))
+            self._keys[point] = key
+            if key not in self._times:
+                self._times[key] = self._time_of(path)
+        return self._times[self._keys[point]]
 
     def _time_of(self, path: Path) -> float:
         """Estimate how long a path takes [s]; infinity where it cannot be followed."""

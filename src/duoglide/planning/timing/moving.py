@@ -26,6 +26,7 @@ from duoglide.planning.timing.span import (
 from duoglide.planning.timing.timed_curve import TimedCurve
 from duoglide.planning.timing.use import largest_use, stretch
 
+_SHARP = 1e-7  # of the duration: a start in motion leaves little room, in which rounding grows
 _SAME = 1e-3  # of the duration; knots nearer than that to one that must be are left out
 
 
@@ -41,6 +42,7 @@ def time_moving(timed: TimedCurve, lead: Lead, end: float, effort: Effort) -> Sp
     Raises:
         LimitError: None was found that begins like this.
     """
+    effort = replace(effort, tolerance=min(effort.tolerance, _SHARP))
     sigma = marks(timed, 0.0, end)
     base = lead.first_motion(0.0, end, _bounds(timed, sigma))
     search = _Moving(Search.along(timed, base, sigma), lead)
