@@ -17,7 +17,7 @@ from duoglide.motion.path.segments import (
     segment_from_dict,
     segment_to_dict,
 )
-from duoglide.planning.timing._motion_kernel import _point
+from duoglide.planning.timing.motion_kernel import _point
 
 Z = (0.0, 0.0, 1.0)
 RISING = Helix((10.0, 0.0, 300.0), (-10.0, 0.0, 306.0), (0.0, 0.0, 300.0), Z, 3.0 * pi)

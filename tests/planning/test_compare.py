@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from duoglide.planning import _retiming_solver
-from duoglide.planning._compare import first_least, less, whole
+from duoglide.planning.compare import first_least, less, whole
 
 
 def test_what_differs_by_rounding_is_not_less() -> None:

@@ -12,10 +12,10 @@ from duoglide.planning import compile_ahead
 AHEAD = """
 import duoglide as dg
 from duoglide.planning import compile_ahead
-from duoglide.planning.braking import _kernel as _brake_kernel
-from duoglide.planning.braking import _carriage_bounds
-from duoglide.kinematics.headroom import _nearby_kernel
-from duoglide.planning.stops import _kernel as _stopping_kernel
+from duoglide.planning.braking import kernel as _brake_kernel
+from duoglide.planning.braking import carriage_bounds as _carriage_bounds
+from duoglide.kinematics.headroom import nearby_kernel as _nearby_kernel
+from duoglide.planning.stops import kernel as _stopping_kernel
 compile_ahead.main()
 loops = [
     _brake_kernel.brake_patches, _carriage_bounds.through_links, _nearby_kernel.swing,

@@ -11,8 +11,8 @@ import duoglide as dg
 from duoglide.motion.audit import audit
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.timing_report import TimingMethod
-from duoglide.planning.timing import _interior_point
-from duoglide.planning.timing import _solver as _retiming_solver
+from duoglide.planning.timing import interior_point as _interior_point
+from duoglide.planning.timing import solver as _retiming_solver
 from duoglide.planning.timing.span import Effort, time_span
 from duoglide.planning.timing.time_path import time_path
 from duoglide.planning.timing.timed_curve import TimedCurve

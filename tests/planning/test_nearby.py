@@ -16,11 +16,11 @@ from duoglide.kinematics.headroom.room import locate, room
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import StopBounds
-from duoglide.planning.braking._carriage_bounds import CarriageBounds
-from duoglide.planning.braking._cells import BrakeCells, Brakes
+from duoglide.planning.braking.carriage_bounds import CarriageBounds
+from duoglide.planning.braking.cells import BrakeCells, Brakes
 from duoglide.planning.braking.certificate import brake_report
-from duoglide.planning.transfer._rest_to_rest import rest_to_rest
 from duoglide.planning.transfer.certificate import keeps
+from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
 TABLE = dg.Machine.default().to_dict()["geometry"]
 FAMILIES = ("clearance", "travel", "order", "keep_out")

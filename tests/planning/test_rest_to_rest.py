@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import duoglide as dg
 from duoglide.motion.path.transfer import TransferPath
-from duoglide.planning.transfer._rest_to_rest import rest_to_rest
+from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
 STRAIGHT, FREE = ruckig.Synchronization.Phase, ruckig.Synchronization.Time
 

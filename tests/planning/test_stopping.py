@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import duoglide as dg
 from duoglide.motion.path_clock import ClockState, PathClock
 from duoglide.motion.stop_bounds import StopBounds
-from duoglide.planning.stops._kernel import largest_slopes, windows
 from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.kernel import largest_slopes, windows
 
 STEPS = 1400  # of a clock in the time of a trajectory
 MACHINE = dg.Machine.default()

@@ -13,7 +13,7 @@ from duoglide.motion.audit import audit
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.planning.stops.certificate import stop_bounds
-from duoglide.planning.timing import _interior_point
+from duoglide.planning.timing import interior_point as _interior_point
 from duoglide.planning.timing.time_path import time_path
 
 MOVE = dg.pick_and_place((-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0), 25.0, 4.0)

@@ -39,21 +39,21 @@ def ready() -> bool:
     Loads numba, which a plan does anyway.
     """
     from duoglide.kinematics.compiled import kept
-    from duoglide.kinematics.headroom import _nearby_kernel
-    from duoglide.planning.braking import _carriage_bounds
-    from duoglide.planning.braking import _kernel as brake_kernel
-    from duoglide.planning.stops import _kernel as stop_kernel
-    from duoglide.planning.timing import _interior_point, _motion_kernel, _rows
+    from duoglide.kinematics.headroom import nearby_kernel
+    from duoglide.planning.braking import carriage_bounds
+    from duoglide.planning.braking import kernel as brake_kernel
+    from duoglide.planning.stops import kernel as stop_kernel
+    from duoglide.planning.timing import interior_point, motion_kernel, rows
 
     return all(
         kept(loop)
         for loop in (
-            _motion_kernel.carriage_motion,
-            _rows.fill_limits,
-            _interior_point.direction,
-            _interior_point.advance,
-            _carriage_bounds.through_links,
-            _nearby_kernel.swing,
+            motion_kernel.carriage_motion,
+            rows.fill_limits,
+            interior_point.direction,
+            interior_point.advance,
+            carriage_bounds.through_links,
+            nearby_kernel.swing,
             stop_kernel.largest_slopes,
             stop_kernel.through_windows,
             brake_kernel.brake_patches,

@@ -24,7 +24,7 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
-from duoglide.kinematics.headroom._nearby_kernel import swing
+from duoglide.kinematics.headroom.nearby_kernel import swing
 from duoglide.kinematics.headroom.room import Room, box_distance, locate
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
 from duoglide.kinematics.nearest import nearest_surface

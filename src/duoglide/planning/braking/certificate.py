@@ -22,8 +22,8 @@ from duoglide.kinematics.headroom.nearby import room_on
 from duoglide.kinematics.headroom.room import Room, locate, room
 from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
-from duoglide.planning.braking._carriage_bounds import CarriageBounds
-from duoglide.planning.braking._cells import PARTS, BrakeCells, Brakes
+from duoglide.planning.braking.carriage_bounds import CarriageBounds
+from duoglide.planning.braking.cells import PARTS, BrakeCells, Brakes
 from duoglide.planning.compare import first_least, whole
 
 __all__ = ["ALLOWED", "BrakeReport", "Brakes", "brake_report"]

@@ -23,7 +23,7 @@ from duoglide.motion.motion import Motion
 from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import RateTable, StopBounds
 from duoglide.planning.compare import first_least, whole
-from duoglide.planning.stops._kernel import largest_slopes, windows
+from duoglide.planning.stops.kernel import largest_slopes, windows
 
 CELL = 0.002  # s of path time, at the least
 _CELLS_A_STOP = 40  # that are enough, if stops are so slow

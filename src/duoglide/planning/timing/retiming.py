@@ -20,8 +20,8 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
-from duoglide.planning.timing._rows import POINTS
-from duoglide.planning.timing._solver import Limits, solve
+from duoglide.planning.timing.rows import POINTS
+from duoglide.planning.timing.solver import Limits, solve
 from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)

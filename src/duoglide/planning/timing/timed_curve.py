@@ -20,7 +20,7 @@ from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.profile import SIGMA, Profile
 from duoglide.motion.rounding.round_segments import SMOOTH
-from duoglide.planning.timing import _motion_kernel
+from duoglide.planning.timing import motion_kernel as _motion_kernel
 
 _NO_CAP = 1e12  # mm/s
 _SAME = 1e-6  # mm

@@ -29,8 +29,8 @@ from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.compare import first_least
 from duoglide.planning.stops.certificate import stop_bounds
-from duoglide.planning.transfer._rest_to_rest import rest_to_rest
 from duoglide.planning.transfer.certificate import keeps
+from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
 RESERVE = 1.0  # mm that the way out ends beyond every bound, if there is so much
 CREEP = 20.0  # mm/s

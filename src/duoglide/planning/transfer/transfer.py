@@ -20,8 +20,8 @@ from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.stops.certificate import stop_bounds
-from duoglide.planning.transfer._rest_to_rest import rest_to_rest
 from duoglide.planning.transfer.certificate import certify
+from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
 SAME = 1e-9  # mm: nearer than this, start and goal are one pose
 _SAME_POSE = 1e-5  # mm, between a position and what its own carriages give

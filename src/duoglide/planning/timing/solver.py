@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
-from duoglide.planning.timing import _interior_point
-from duoglide.planning.timing import _rows as _retiming_rows
+from duoglide.planning.timing import interior_point as _interior_point
+from duoglide.planning.timing import rows as _retiming_rows
 
 Nodes: TypeAlias = tuple[FloatArray, FloatArray]  # alpha and beta at each node, (n + 1,)
 

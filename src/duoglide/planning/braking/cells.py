@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.headroom.nearby import Patch, with_pairs
 from duoglide.machine import Machine
-from duoglide.planning.braking._carriage_bounds import CarriageBounds
-from duoglide.planning.braking._kernel import brake_patches
+from duoglide.planning.braking.carriage_bounds import CarriageBounds
+from duoglide.planning.braking.kernel import brake_patches
 
 IndexArray: TypeAlias = NDArray[np.intp]
 
