@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import random
 import re
 import struct
@@ -172,7 +173,9 @@ def test_what_is_not_a_log_is_refused(tmp_path: Path, content: bytes, why: str) 
 
 
 def test_a_missing_file_and_a_directory_are_refused(tmp_path: Path) -> None:
-    for file in (tmp_path / "none.mcap", tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)  # whoever opened it would wait for ever
+    for file in (tmp_path / "none.mcap", tmp_path, pipe, Path("/dev/zero"), Path("a\0b")):
         with pytest.raises(dg.LogError, match="cannot read"):
             read_log(file)
 
