@@ -11,7 +11,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.cli.main import run
-from duoglide.viewer import figures
+from duoglide.paper import figures
 
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "scripts.md"
 ENVELOPE = {"duoglide", "verb", "ok"}

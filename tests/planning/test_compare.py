@@ -5,8 +5,8 @@ from math import inf, nextafter
 import numpy as np
 import pytest
 
-from duoglide.planning import _retiming_solver
 from duoglide.planning.compare import first_least, less, whole
+from duoglide.planning.timing import solver as _retiming_solver
 
 
 def test_what_differs_by_rounding_is_not_less() -> None:
