@@ -276,12 +276,14 @@ class _Search:
             caps = rounded.speed_caps
             timed = TimedCurve(self._machine, curve, caps, path.tool_acceleration)
             spans = list(pairwise([0.0, *curve.rests, curve.end]))
-            if not self._like:
+            like: list[Rough | None] = [*self._like]
+            if len(like) != len(spans):  # the first style, or one with other rests
                 found = [estimate(timed, *span, _CELLS) for span in spans]
                 if not all(isfinite(rough.duration) for rough in found):
                     return inf
-                self._like = found
-            pairs = zip(spans, self._like, strict=True)
-            return sum(estimate(timed, *span, _CELLS, like).duration for span, like in pairs)
+                self._like = self._like or found
+                like = [*found]
+            pairs = zip(spans, like, strict=True)
+            return sum(estimate(timed, *span, _CELLS, one).duration for span, one in pairs)
         except (PathError, UnreachableError, SingularityError):
             return inf

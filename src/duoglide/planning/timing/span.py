@@ -24,6 +24,7 @@ _NEARLY = 1e-3  # of the duration
 _FINE = 3e-4  # of the duration; a motion that exceeds its limits by less needs no other round
 _RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
 _USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
+_CLOSELY = 33  # points of a cell, where windows did not converge
 _SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
 _SAME = 1e-7  # of the duration; knots nearer than that are one
 COARSE = "a refinement did not converge: the motion before it is kept"
@@ -313,6 +314,9 @@ def _polished(timed: TimedCurve, problem: RetimingProblem, found: Retiming, effo
             break
         found = again
     profile, kept = best
+    if kept:  # such a motion may bend within a cell as no solution does
+        close = stretch(largest_use(timed, profile, _CLOSELY))
+        least = max(least, profile.duration * close)
     profile = profile.stretched(least / profile.duration * (1.0 + _ROUNDING))
     return in_part(profile, f"{kept} windows of it did not converge" if kept else "", remedy)
 

@@ -13,11 +13,11 @@ from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 POINTS = 9  # at which each piece of a profile is looked at
 
 
-def largest_use(timed: TimedCurve, profile: Profile) -> FloatArray:
+def largest_use(timed: TimedCurve, profile: Profile, points: int = POINTS) -> FloatArray:
     """Return the largest use of each limit in each piece of a profile, (n, 3, rows)."""
-    motion = CellMotion.of(timed, profile, POINTS)
+    motion = CellMotion.of(timed, profile, points)
     use = peaks(motion.uses())
-    step = np.diff(profile.knots[:, TIME])[:, None, None, None] / (POINTS - 1)
+    step = np.diff(profile.knots[:, TIME])[:, None, None, None] / (points - 1)
     rates = motion.carriages[:, :, 1:] * (timed.limits[1:] / timed.limits[:2]) * step
     turns = _turning_values(motion.carriages[:, :, :2], rates)
     use[:, :2, : turns.shape[-1]] = np.maximum(use[:, :2, : turns.shape[-1]], turns)
