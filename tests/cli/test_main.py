@@ -79,7 +79,7 @@ def test_wrong_use_is_a_short_answer_and_code_2(
     arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(arguments, capsys, code=2)
-    assert words in line
+    assert words.lower() in line.lower()  # some typer writes the name of an argument in capitals
     assert "--help" in line
 
 
