@@ -71,7 +71,7 @@ def moves(seed: int, count: int) -> list[Move]:
         pick, place = rng.uniform([-90.0, -150.0, 245.0], [60.0, 150.0, 300.0], (2, 3))
         try:
             path = dg.pick_and_place(pick, place, rng.uniform(10.0, 80.0), rng.uniform(1.0, 8.0))
-            path = choose_blends(machine, path)
+            path = choose_blends(machine, path).path
             found.append(Move(machine, path, map_to_carriages(dg.check_path(machine, path))))
         except dg.DuoglideError:
             continue

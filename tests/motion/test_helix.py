@@ -17,7 +17,7 @@ from duoglide.motion.path.segments import (
     segment_from_dict,
     segment_to_dict,
 )
-from duoglide.planning.timing.motion_kernel import _point
+from duoglide.planning.timing.motion_kernel import point
 
 Z = (0.0, 0.0, 1.0)
 RISING = Helix((10.0, 0.0, 300.0), (-10.0, 0.0, 306.0), (0.0, 0.0, 300.0), Z, 3.0 * pi)
@@ -51,7 +51,7 @@ def test_derivatives_are_those_of_the_positions_in_every_form(helix: Helix) -> N
     for s, state in zip(sigma.tolist(), states, strict=True):
         np.testing.assert_allclose(curve.derivatives(s), state, atol=1e-13)
         out = np.empty((4, 3))
-        _point(s, curve.end, float(curve.rates[0]), curve.coefficients[0], out)
+        point.py_func(s, curve.end, float(curve.rates[0]), curve.coefficients[0], out)
         np.testing.assert_allclose(out, state, atol=1e-13)
 
 

@@ -13,9 +13,9 @@ PICK, PLACE = (-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0)
 
 @pytest.mark.parametrize("tolerance", [0.5, 2.0, 4.0, 8.0, 15.0])
 def test_chosen_blends_keep_the_tolerance(machine: dg.Machine, tolerance: float) -> None:
-    path = choose_blends(machine, dg.pick_and_place(PICK, PLACE, 25.0, tolerance))
-    assert all(isinstance(corner, Blend) for corner in path.corners)
-    deviation = round_corners(path).deviation
+    rounded = choose_blends(machine, dg.pick_and_place(PICK, PLACE, 25.0, tolerance))
+    assert all(isinstance(corner, Blend) for corner in rounded.path.corners)
+    deviation = rounded.deviation
     assert deviation.max() <= tolerance
     assert deviation[1] > 0.9 * tolerance or tolerance > 8.0  # there the lift is too short for more
 
@@ -31,11 +31,11 @@ def test_chosen_blends_are_quicker_than_the_checks_own(machine: dg.Machine) -> N
 def test_explicit_blends_sharp_corners_and_rests_stay(machine: dg.Machine) -> None:
     given = Blend(12.0, 17.0, 0.4)
     path = dg.pick_and_place(PICK, PLACE, 25.0, given)
-    assert choose_blends(machine, path).corners == path.corners
+    assert choose_blends(machine, path).path.corners == path.corners
     back = dg.Path.polyline([(-41, -100, 300), (-41, 100, 300), (-41, -50, 300)], 2.0)
-    assert choose_blends(machine, back) == back
+    assert choose_blends(machine, back).path == back
     exact = dg.pick_and_place(PICK, PLACE, 25.0, 0.0)
-    assert choose_blends(machine, exact) == exact
+    assert choose_blends(machine, exact).path == exact
 
 
 def test_a_path_out_of_reach_is_left_to_the_check(machine: dg.Machine) -> None:
@@ -45,7 +45,7 @@ def test_a_path_out_of_reach_is_left_to_the_check(machine: dg.Machine) -> None:
 
 def test_neighbouring_blends_share_their_segment(machine: dg.Machine) -> None:
     zigzag = [(-41 + 6 * (k % 2), -50 + 5 * k, 300) for k in range(20)]
-    path = choose_blends(machine, dg.Path.polyline(zigzag, 5.0))
+    path = choose_blends(machine, dg.Path.polyline(zigzag, 5.0)).path
     lengths = np.linalg.norm(np.diff(np.array(zigzag, dtype=float), axis=0), axis=1)
     for k in range(len(path.corners) - 1):
         one, other = path.corners[k], path.corners[k + 1]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.motion.path.rounded import RoundedPath, round_corners
 from duoglide.motion.path_clock import ClockState, PathClock
 from duoglide.motion.stop_bounds import StopBounds
 from duoglide.motion.timing_report import TimingMethod
@@ -61,9 +62,9 @@ def moving() -> list[dg.Trajectory]:
 def _fix_blends(patch: pytest.MonkeyPatch) -> None:
     """Round every corner alike: no search decides whether there is room for a seam."""
 
-    def fixed(_: dg.Machine, path: dg.Path) -> dg.Path:
+    def fixed(_: dg.Machine, path: dg.Path) -> RoundedPath:
         alike = [c if isinstance(c, dg.Blend) else dg.Blend(8.0, 8.0) for c in path.corners]
-        return replace(path, corners=tuple(alike))
+        return round_corners(replace(path, corners=tuple(alike)))
 
     patch.setattr(program_joints, "choose_blends", fixed)
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.kinematics import kernels
-from duoglide.kinematics.compiled import compiled
+from duoglide.kinematics.compiled import compiled, share
 from duoglide.kinematics.constants import Constants
 
 WORTH_LOADING = 1_000_000  # poses that numpy answers before numba is loaded for the next
@@ -170,12 +170,4 @@ def _compiled(loop: Callable[..., int]) -> Any:
 @cache
 def register_kernels() -> None:
     """Let compiled code call the kernels, which stay plain functions for everyone else."""
-    from numba.extending import register_jitable
-
-    for kernel in (
-        kernels.inverse_pose,
-        kernels.forward_pose,
-        kernels.margins_pose,
-        kernels.legs_pose,
-    ):
-        register_jitable(kernel)
+    share(kernels.inverse_pose, kernels.forward_pose, kernels.margins_pose, kernels.legs_pose)

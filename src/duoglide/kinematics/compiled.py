@@ -75,6 +75,19 @@ def inlined(function: Callable[..., Any]) -> Any:
     return compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
+def share(*formulas: Callable[..., Any], inline: bool = False) -> None:
+    """Let compiled code call formulas that stay plain functions for everyone else.
+
+    Args:
+        formulas: Plain arithmetic.
+        inline: Whether the call itself would take as long as they do.
+    """
+    from numba.extending import register_jitable
+
+    for formula in formulas:
+        register_jitable(forceinline=inline)(formula)
+
+
 def _watch_what_it_calls(dispatcher: Any, function: Callable[..., Any]) -> None:
     """Let what is cached expire with any function that it calls, in whichever module that is.
 

@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples, read_only
 from duoglide.errors import InputError, UnreachableError
+from duoglide.kinematics.headroom.room import TOUCHING
 from duoglide.kinematics.model import forward, inverse, reachable
 from duoglide.kinematics.modes import AssemblyMode, WorkingMode
 from duoglide.kinematics.singularity import margins
 from duoglide.machine import Geometry
 
 SIGNS = (1, -1)
-TOUCHING = 1e-7  # [mm], the margin that counts as none
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from duoglide.motion.path.carriage import map_to_carriages
 from duoglide.motion.path.path import Path
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.braking.make_safe import make_brake_safe
-from duoglide.planning.check.check import check_path, require_noun
+from duoglide.planning.check.check import check_rounded, require_noun
 from duoglide.planning.rounding.choice import choose_blends
 from duoglide.planning.stops.certificate import stop_bounds
 from duoglide.planning.timing.time_path import Progress, time_path
@@ -34,7 +34,8 @@ def plan(
     """
     require_noun(machine, Machine)
     require_noun(path, Path)
-    checked = check_path(machine, choose_blends(machine, path))
+    rounded = choose_blends(machine, path)
+    checked = check_rounded(machine, rounded)
     carriages = map_to_carriages(checked)
     motion = time_path(carriages, progress=progress)
     if brake_safe:

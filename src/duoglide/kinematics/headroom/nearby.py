@@ -12,7 +12,7 @@ collapse it is infinite. Beyond the slope at the middle, a bound on the second d
 
 The clearance is a distance to a set, so it falls by at most the way that the platform goes, and
 where that way leads along the nearest surface by much less: it is bounded from an anchor further
-away from the surface, as in ``check_margins``.
+away from the surface.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
 from duoglide.kinematics.headroom.nearby_kernel import swing
-from duoglide.kinematics.headroom.room import Room, box_distance, locate
+from duoglide.kinematics.headroom.room import Room, box_distance, locate, outside
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
 from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import reach_of
@@ -143,15 +143,32 @@ def _clearance(
     pick = (lowest[rows] < needed) & (spare > 0.0)
     if pick.any():
         some = rows[pick]
-        bound = _from_anchors(machine, (position[some], normal[pick]), corners[some], spare[pick])
+        bound = bound_from_anchors(
+            machine, (position[some], normal[pick]), corners[some], spare[pick]
+        )
         lowest[some] = np.maximum(lowest[some], bound - off[some])
     return here, lowest
 
 
-def _from_anchors(
+def bound_from_anchors(
     machine: Machine, pose: Pair, corners: FloatArray, spare: FloatArray
 ) -> FloatArray:
-    """Bound the clearance on parallelograms (n, c, 2) from points away from the nearest surface."""
+    """Bound the clearance between corners from points further away from the nearest surface.
+
+    For any anchor C, clearance(p) >= clearance(C) - |p - C|. With C at the pose itself that is the
+    bound of first order; with C further away from the surface it is one of second order, and asks
+    nothing else of the surface. C is twice as far away as the corners ask for: at a distance l it
+    is short of the truth by about w^2 / (2 l), w along the surface.
+
+    Args:
+        machine: Whose geometry it is.
+        pose: Positions [mm], (n, 3), and the directions in x and z away from the surface, (n, 2).
+        corners: Of convex sets about the positions, seen from these in x and z [mm], (n, c, 2).
+        spare: What the bound of first order leaves [mm], above 0, (n,).
+
+    Returns:
+        Lower bounds on the clearance anywhere in the sets [mm], (n,); -inf where there is none.
+    """
     (position, normal), g = pose, machine.geometry
     k: Constants = pose_constants(g, WORKING)
     square = (corners * corners).sum(axis=-1).max(axis=-1)
@@ -179,8 +196,8 @@ def _keep_out(machine: Machine, position: FloatArray, around: FloatArray) -> Pai
     """Return the distance to the nearest keep-out box in the middle, and at the least."""
     here, lowest = np.full((2, len(position)), np.inf)
     for box in machine.keep_out:
-        outside = np.maximum(np.array(box.low) - position, position - np.array(box.high))
+        far = outside(box, position)
         for found, way in ((here, 0.0), (lowest, around)):
-            distance = np.nan_to_num(box_distance(outside - way), nan=-np.inf)
+            distance = np.nan_to_num(box_distance(far - way), nan=-np.inf)
             np.minimum(found, distance, out=found)
     return here, lowest

@@ -11,16 +11,20 @@ from duoglide.kinematics.compiled import compiled, inlined
 Two: TypeAlias = tuple[float, float]
 
 
-def _leg(hypotenuse: float, side: float) -> float:
+@inlined
+def leg(hypotenuse: float, side: float) -> float:
+    """Return the other short side of a right triangle [mm]."""
     return sqrt((hypotenuse - side) * (hypotenuse + side))
 
 
-def _third_side(one: float, other: float, cosine: float) -> float:
+@inlined
+def third_side(one: float, other: float, cosine: float) -> float:
     """Return at most |v| times the sine between n and e, for |n v| <= one and |e v| <= other."""
     return sqrt(one * one + other * other + 2.0 * one * other * cosine)
 
 
-def _steepest(fixed: Two, foot: Two, rho: Two) -> float:
+@inlined
+def steepest(fixed: Two, foot: Two, rho: Two) -> float:
     """Return the largest |cos| of the angle between arm and strut, (l6^2 + rho^2 - E) / 2 l6 rho.
 
     Args:
@@ -37,7 +41,8 @@ def _steepest(fixed: Two, foot: Two, rho: Two) -> float:
     return max(abs(largest), abs(turn + least / turn)) / (2.0 * l6)
 
 
-def _slopes(pose: Any, k: Any) -> tuple[float, float, float, float]:
+@inlined
+def slopes(pose: Any, k: Any) -> tuple[float, float, float, float]:
     """Slopes of the platform by B in x and z, and by D.
 
     Args:
@@ -52,7 +57,8 @@ def _slopes(pose: Any, k: Any) -> tuple[float, float, float, float]:
     return -e_z * by_h, e_x * by_h, n_z * by_rho, -n_x * by_rho
 
 
-def _farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
+@inlined
+def farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
     """Bound how far the platform goes, and how far it goes off its slopes; NaN if not at all.
 
     Args:
@@ -76,11 +82,8 @@ def _farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
     return way, 0.5 * third_side(turn, swing, cosine) / sine
 
 
-leg, third_side, steepest = inlined(_leg), inlined(_third_side), inlined(_steepest)
-slopes, farthest = inlined(_slopes), inlined(_farthest)
-
-
-def _swing(patch: Any, position: FloatArray, k: Any, out: Any) -> None:
+@compiled
+def swing(patch: Any, position: FloatArray, k: Any, out: Any) -> None:
     """Carry patches of carriages to the platform.
 
     Args:
@@ -110,6 +113,3 @@ def _swing(patch: Any, position: FloatArray, k: Any, out: Any) -> None:
             off[i] = inf
         if not reach[i] < inf:
             reach[i] = inf
-
-
-swing = compiled(_swing)

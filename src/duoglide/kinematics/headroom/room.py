@@ -15,9 +15,10 @@ from duoglide.kinematics import kernels
 from duoglide.kinematics.constants import carriage_constants
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
 from duoglide.kinematics.singularity import clearance
-from duoglide.machine import Machine
+from duoglide.machine import Box, Machine
 
-TOUCHING = 1e-7  # mm: what is within this of a bound touches it
+TOUCHING = 1e-7  # [mm]; a margin this near to what is required counts as touching, and is refused
+SURE = 0.9 * TOUCHING  # [mm]; a bound this far above what is required certifies what lies between
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,8 +75,8 @@ def room(machine: Machine, carriages: FloatArray) -> Room:
         clear[closed] = clearance(machine.geometry, position[closed]) - machine.clearance
     keep_out = np.full(closed.shape, np.inf)
     for box in machine.keep_out:
-        outside = np.maximum(np.array(box.low) - position, position - np.array(box.high))
-        keep_out = np.minimum(keep_out, np.nan_to_num(box_distance(outside), nan=-np.inf))
+        distance = box_distance(outside(box, position))
+        keep_out = np.minimum(keep_out, np.nan_to_num(distance, nan=-np.inf))
     return Room(
         clearance=clear,
         travel=machine.geometry.rail_half_length - np.abs(carriages).max(axis=-1),
@@ -84,8 +85,14 @@ def room(machine: Machine, carriages: FloatArray) -> Room:
     )
 
 
-def box_distance(outside: FloatArray) -> FloatArray:
-    """Return the signed distance to a box from how far outside its sides a point is (..., 3)."""
-    beyond = np.linalg.norm(np.maximum(outside, 0.0), axis=-1)
-    distance: FloatArray = beyond + np.minimum(outside.max(axis=-1), 0.0)
+def outside(box: Box, position: FloatArray) -> FloatArray:
+    """Return how far outside the sides of a box positions are along each axis, shape (..., 3)."""
+    far: FloatArray = np.maximum(np.array(box.low) - position, position - np.array(box.high))
+    return far
+
+
+def box_distance(far: FloatArray) -> FloatArray:
+    """Return the distance to a box, negative inside, from how far outside its sides a point is."""
+    beyond = np.linalg.norm(np.maximum(far, 0.0), axis=-1)
+    distance: FloatArray = beyond + np.minimum(far.max(axis=-1), 0.0)
     return distance

@@ -117,7 +117,8 @@ def _over(breaks: FloatArray, rates: Rates, start: FloatArray, end: FloatArray) 
     return one, two, three
 
 
-def _root_bounds(low: float, square: Any, one: Any, other: Any) -> tuple[float, float, float]:
+@inlined
+def root_bounds(low: float, square: Any, one: Any, other: Any) -> tuple[float, float, float]:
     """Bound three derivatives of a root R >= low of L^2 - a^2 - b^2.
 
     Args:
@@ -133,10 +134,8 @@ def _root_bounds(low: float, square: Any, one: Any, other: Any) -> tuple[float, 
     return r1, r2, r3
 
 
-root_bounds = inlined(_root_bounds)
-
-
-def _through_links(position: FloatArray, rates: Any, half: FloatArray, k: Any, out: Any) -> None:
+@compiled
+def through_links(position: FloatArray, rates: Any, half: FloatArray, k: Any, out: Any) -> None:
     """Carry bounds on the platform's derivatives through the closed form.
 
     Args:
@@ -168,6 +167,3 @@ def _through_links(position: FloatArray, rates: Any, half: FloatArray, k: Any, o
             for j in range(5):
                 if not out[order][i, j] < inf:
                     out[order][i, j] = inf
-
-
-through_links = compiled(_through_links)

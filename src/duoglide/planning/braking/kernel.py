@@ -20,7 +20,8 @@ Three: TypeAlias = tuple[float, float, float]
 BRAKING, RESTING, EITHER = 1, 2, 0
 
 
-def _ramp(v: float, d: float, t: float) -> tuple[float, float, float]:
+@inlined
+def ramp(v: float, d: float, t: float) -> tuple[float, float, float]:
     """Return G and its slopes by t and by v, for the deceleration ``d``."""
     slowing = abs(v) / d
     braked = min(t, slowing)
@@ -28,7 +29,8 @@ def _ramp(v: float, d: float, t: float) -> tuple[float, float, float]:
     return v * braked * (1.0 - 0.5 * share), v * (1.0 - share), braked
 
 
-def _doing(speed: float, dv: float, d: float, start: float, end: float) -> int:
+@inlined
+def doing_of(speed: float, dv: float, d: float, start: float, end: float) -> int:
     """Tell what a drive does for sure from ``start`` to ``end`` after it began to brake."""
     if start >= (speed + dv) / d:
         return RESTING
@@ -37,7 +39,8 @@ def _doing(speed: float, dv: float, d: float, start: float, end: float) -> int:
     return EITHER
 
 
-def _own_bend(doing: int, dv: float, dt: float, d: float) -> float:
+@inlined
+def own_bend(doing: int, dv: float, dt: float, d: float) -> float:
     """Bound what G has beyond its slopes, for velocities within dv and times within dt."""
     resting, braking = 0.5 * dv * dv / d, dv * dt + 0.5 * d * dt * dt
     if doing == RESTING:
@@ -45,7 +48,8 @@ def _own_bend(doing: int, dv: float, dt: float, d: float) -> float:
     return braking if doing == BRAKING else max(braking, resting)
 
 
-def _pair_bend(doing: int, dv: Three, dt: float, d: Two, same_sign: bool) -> float:
+@inlined
+def pair_bend(doing: int, dv: Three, dt: float, d: Two, same_sign: bool) -> float:
     """Bound the same for the difference of two drives that do the same.
 
     Args:
@@ -64,11 +68,8 @@ def _pair_bend(doing: int, dv: Three, dt: float, d: Two, same_sign: bool) -> flo
     return 0.5 * (one * one / d_one + other * other / d_other)
 
 
-ramp, doing_of = inlined(_ramp), inlined(_doing)
-own_bend, pair_bend = inlined(_own_bend), inlined(_pair_bend)
-
-
-def _pair_beyond(p: int, plan: Any, own: Any, times: Any, deceleration: Any) -> float:
+@inlined
+def pair_beyond(p: int, plan: Any, own: Any, times: Any, deceleration: Any) -> float:
     """Bound what the difference of two carriages has beyond its slopes.
 
     Args:
@@ -100,10 +101,8 @@ def _pair_beyond(p: int, plan: Any, own: Any, times: Any, deceleration: Any) -> 
     return beyond
 
 
-pair_beyond = inlined(_pair_beyond)
-
-
-def _brake_patches(columns: Any, cells: Any, deceleration: Any, out: Any) -> None:
+@compiled
+def brake_patches(columns: Any, cells: Any, deceleration: Any, out: Any) -> None:
     """Find middles, ways and bends of cells.
 
     Args:
@@ -139,6 +138,3 @@ def _brake_patches(columns: Any, cells: Any, deceleration: Any, out: Any) -> Non
         for i in range(5):
             if not beyond[n, i] < inf:
                 beyond[n, i] = inf
-
-
-brake_patches = compiled(_brake_patches)

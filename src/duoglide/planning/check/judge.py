@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
+from duoglide.kinematics.headroom.room import box_distance, outside
 from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import reach_of
-from duoglide.planning.check.margins import boxes, clearance, outside, room_to_travel, travel
+from duoglide.planning.check.margins import boxes, clearance, room_to_travel, travel
 from duoglide.planning.check.rules import Intervals, Parts, Rules, Verdict
 
 
@@ -39,7 +40,7 @@ def judge_points(rules: Rules, positions: FloatArray, cleared: bool = True) -> F
     if cleared:
         near = nearest_surface(rules.machine.geometry, WORKING.v, positions[inside])
         clear[inside] = near.distance
-    out = [outside(box, positions).max(axis=1) for box in rules.machine.keep_out]
+    out = [box_distance(outside(box, positions)) for box in rules.machine.keep_out]
     travels = room_to_travel(rules, positions[:, 1], reach)
     margins = np.column_stack([clear, travels, *out]) - rules.required
     margins[~inside] = -np.inf

@@ -1,47 +1,95 @@
-"""Margins of travel, order, clearance and boxes, and bounds of them between samples, in numpy."""
+"""Margins of travel, order, clearance and boxes, and bounds of them between samples.
+
+On a part of a curve a margin is bounded from below by Taylor's theorem: value, slope and a bound on
+the second derivative that holds on the whole part. The clearance is a distance to a set, which
+gives more: see ``bound_from_anchors``.
+
+Legend, as in the kinematics: u = x - (b - d), A = l6 sin(beta), h the rise of the legs, p and q the
+strokes of legs and strut along y.
+"""
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics.kernels import in_numpy
+from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.headroom.nearby import bound_from_anchors
+from duoglide.kinematics.headroom.room import SURE, box_distance, outside
 from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.nearest import nearest_surface
-from duoglide.kinematics.reach import Reach, reach_of
-from duoglide.machine import Box, Machine
-from duoglide.planning.check import formulas as check_formulas
-from duoglide.planning.check.rules import SURE, Parts, Rules
+from duoglide.kinematics.reach import Reach
+from duoglide.machine import Machine
+from duoglide.planning.check.rules import Parts, Rules
 
 Bounded: TypeAlias = tuple[FloatArray, FloatArray]  # margins, and their lower bounds
 
-_root = in_numpy(check_formulas.root_part)
-_strokes = in_numpy(check_formulas.strokes_part, root_part=_root)
-_travel_less = in_numpy(check_formulas.travel_part)
-_travel = in_numpy(check_formulas.travel_pose)
-_leads = in_numpy(check_formulas.clear_part)
-_anchor = in_numpy(check_formulas.anchor_part)
-_farther = in_numpy(check_formulas.chord_part)
+
+class Bend(NamedTuple):
+    """Slope of a length at the sample, and a bound on its second derivative on the whole part."""
+
+    slope: FloatArray
+    bound: FloatArray
 
 
 def room_to_travel(rules: Rules, y: FloatArray, reach: Reach) -> FloatArray:
     """Margins of travel 1 to 3 and of the order of carriages 1 and 2, shape (n, 4)."""
+    *_, half, _xb, _zb, _l9, _v, w1, w2, w3 = rules.constants
     limit = rules.machine.geometry.rail_half_length
-    return np.stack(_travel(y, reach.p, reach.q, limit, rules.constants)[3:], axis=1)
+    places = y - half + w1 * reach.p, y + half + w2 * reach.p, y + w3 * reach.q
+    left = [limit - np.abs(place) for place in places]
+    return np.stack([*left, 2.0 * half + (w2 - w1) * reach.p], axis=1)
 
 
 def travel(rules: Rules, parts: Parts, reach: Reach) -> Bounded:
     """Margins of travel and order, and their lower bounds."""
-    at, slope = (parts.states[:, i, ::2].T for i in (0, 1))
-    first, second = parts.first[:, ::2].T, parts.second[:, ::2].T
-    links = reach.A, reach.h, reach.p, reach.q
-    strokes = _strokes(at, slope, first, second, parts.half, links, rules.constants)
-    y, speed = parts.states[:, 0, 1], parts.states[:, 1, 1]
-    margins = room_to_travel(rules, y, reach)
-    less = _travel_less(speed, parts.second[:, 1], parts.half, strokes, rules.constants)
+    margins = room_to_travel(rules, parts.states[:, 0, 1], reach)
+    *_, w1, w2, w3 = rules.constants
+    p, q = _strokes(parts, reach, rules.constants)
+    speed, bend = parts.states[:, 1, 1], parts.second[:, 1]
+    half, square = parts.half, 0.5 * parts.half * parts.half
+    less = (
+        np.abs(speed + w1 * p.slope) * half + (bend + p.bound) * square,
+        np.abs(speed + w2 * p.slope) * half + (bend + p.bound) * square,
+        np.abs(speed + w3 * q.slope) * half + (bend + q.bound) * square,
+        abs(w2 - w1) * (np.abs(p.slope) * half + p.bound * square),
+    )
     return margins, margins - np.stack(less, axis=1)
+
+
+def _strokes(parts: Parts, reach: Reach, k: Constants) -> tuple[Bend, Bend]:
+    """Differentiate the strokes p and q by sigma; NaN where one of them may vanish."""
+    cx, _base, l6, l2, _half, xb, zb, l9, _v, _w1, _w2, _w3 = k
+    (x, _, z), (dx, _, dz) = parts.states[:, 0].T, parts.states[:, 1].T
+    (vx, _, vz), (ax, _, az), half = parts.first.T, parts.second.T, parts.half
+    u, X, Z = x - cx, x - xb, z - zb
+    bend = vx * vx + (np.abs(u) + vx * half) * ax
+    A = _root(l6, reach.A, u * u, Bend(u * dx, bend), half)
+    dh, ah = dz - A.slope, az + A.bound
+    vh = np.abs(dh) + ah * half
+    bend = vh * vh + (np.abs(reach.h) + vh * half) * ah
+    p = _root(l2, reach.p, reach.h * reach.h, Bend(reach.h * dh, bend), half)
+    bend = vx * vx + vz * vz + (np.abs(X) + vx * half) * ax + (np.abs(Z) + vz * half) * az
+    q = _root(l9, reach.q, X * X + Z * Z, Bend(X * dx + Z * dz, bend), half)
+    return p, q
+
+
+def _root(length: float, root: FloatArray, square: FloatArray, w: Bend, half: FloatArray) -> Bend:
+    """Differentiate R = sqrt(L^2 - w) twice.
+
+    Args:
+        length: L.
+        root: R at the sample.
+        square: w at the sample.
+        w: Half of w' there, and a bound on half of w''.
+        half: Half the length of the part.
+    """
+    rate = np.abs(w.slope)
+    low = np.sqrt(length * length - (square + 2.0 * rate * half + w.bound * half * half))
+    steep = (rate + w.bound * half) / low
+    return Bend(-w.slope / root, w.bound / low + steep * steep / low)
 
 
 def clearance(rules: Rules, parts: Parts, inside: BoolArray) -> Bounded:
@@ -50,42 +98,24 @@ def clearance(rules: Rules, parts: Parts, inside: BoolArray) -> Bounded:
     values, away = np.full(half.size, -np.inf), np.zeros((half.size, 3))
     found = nearest_surface(rules.machine.geometry, WORKING.v, states[inside, 0])
     values[inside], away[inside] = found.distance, found.away
-    slope = states[:, 1, ::2].T
-    far, near, bow = _leads(away[:, ::2].T, slope, parts.second[:, ::2].T, half)
+    slope, normal = states[:, 1, ::2], away[:, ::2]
+    far = np.sqrt((slope * slope).sum(axis=1)) * half
+    near = np.abs((slope * normal).sum(axis=1)) * half
+    bow = 0.5 * np.sqrt((parts.second[:, ::2] ** 2).sum(axis=1)) * half * half
     needed = rules.machine.clearance + SURE
     lowest, spare = values - far - bow, values - near - bow - needed
     rows = np.flatnonzero((lowest < needed) & (spare > 0.0))
     if rows.size:
-        chord = slope[:, rows] * half[rows]
-        better = _from_anchors(rules, states[rows, 0], away[rows, ::2].T, chord, spare[rows])
+        chord = slope[rows] * half[rows, None]
+        ends = np.stack([chord, -chord], axis=1)
+        pose = states[rows, 0], normal[rows]
+        better = bound_from_anchors(rules.machine, pose, ends, spare[rows])
         lowest[rows] = np.maximum(lowest[rows], better - bow[rows])
     return values[:, None], lowest[:, None]
 
 
-def _from_anchors(
-    rules: Rules, position: FloatArray, away: FloatArray, chord: FloatArray, spare: FloatArray
-) -> FloatArray:
-    """Bound the clearance on chords by that of anchors away from the nearest surface."""
-    geometry = rules.machine.geometry
-    offset = _anchor(away, chord, spare, geometry.leg_length)
-    anchor = position.copy()
-    anchor[:, 0] += offset[0]
-    anchor[:, 2] += offset[1]
-    reached = reach_of(anchor, rules.constants).lacking.max(axis=1) < 0.0
-    clear = np.full(spare.size, -np.inf)
-    clear[reached] = nearest_surface(geometry, WORKING.v, anchor[reached]).distance
-    bound: FloatArray = clear - _farther(offset, chord)
-    return bound
-
-
-def outside(box: Box, position: FloatArray) -> FloatArray:
-    """How far outside a box positions are along each axis, shape (n, 3)."""
-    result: FloatArray = np.maximum(np.array(box.low) - position, position - np.array(box.high))
-    return result
-
-
 def boxes(machine: Machine, parts: Parts) -> Bounded:
-    """How far outside each keep-out box a sample is, along the axis that is farthest out."""
+    """Distance of each sample from each keep-out box, negative inside, and its lower bound."""
     values = np.zeros((parts.half.size, len(machine.keep_out)))
     lowest = values.copy()
     if machine.keep_out:
@@ -93,6 +123,6 @@ def boxes(machine: Machine, parts: Parts) -> Bounded:
         change = np.abs(parts.states[:, 1]) * half + 0.5 * parts.second * half * half
         for i, box in enumerate(machine.keep_out):
             out = outside(box, position)
-            values[:, i] = out.max(axis=1)
-            lowest[:, i] = (out - change).max(axis=1)
+            values[:, i] = box_distance(out)
+            lowest[:, i] = box_distance(out - change)
     return values, lowest

@@ -8,6 +8,7 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import PathError, UnreachableError
+from duoglide.kinematics.headroom.room import TOUCHING
 from duoglide.kinematics.model import inverse
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
 from duoglide.kinematics.nearest import nearest_surface
@@ -17,7 +18,7 @@ from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.segments import show
 from duoglide.planning.check.judge import judge_points
-from duoglide.planning.check.rules import TOUCHING, Rules
+from duoglide.planning.check.rules import Rules
 from duoglide.planning.check.search import first_failure
 
 SAMPLES = 1000  # to find how far a rule is broken

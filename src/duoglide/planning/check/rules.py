@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.headroom.room import SURE, TOUCHING
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.curve.bounds import CurveBounds, curve_bounds
 from duoglide.motion.curve.curve import Curve
 
-TOUCHING = 1e-7  # [mm]; a margin this near to what is required counts as touching, and is refused
-SURE = 0.9e-7  # [mm]; a bound this far above what is required certifies an interval
 CLEARANCE = 0  # place of it among the families
 BASE_FAMILIES = ("clearance", "travel_1", "travel_2", "travel_3", "order")
 

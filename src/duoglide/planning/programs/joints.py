@@ -129,9 +129,8 @@ def _fixed(
         return path, tolerance
     actions = tuple((first + i, action) for i, action in path.actions)
     probe = replace(path, segments=tuple(segments), corners=tuple(corners), actions=actions)
-    chosen = choose_blends(machine, probe)
-    rounded = round_corners(chosen)
-    fixed = [rounded.blend(i) or corner for i, corner in enumerate(chosen.corners)]
+    rounded = choose_blends(machine, probe)
+    fixed = [rounded.blend(i) or corner for i, corner in enumerate(rounded.path.corners)]
     inner = first + len(path.corners)
     joint: Corner = tolerance
     if following is not None:

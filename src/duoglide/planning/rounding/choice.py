@@ -15,7 +15,7 @@ from math import exp, inf, isfinite, sqrt
 
 import numpy as np
 
-from duoglide.errors import PathError, SingularityError, UnreachableError
+from duoglide.errors import SingularityError, UnreachableError
 from duoglide.machine import Machine
 from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import RoundedPath, round_corners
@@ -139,27 +139,27 @@ class _Corner:
         return sqrt(min(at_a, at_b))
 
 
-def choose_blends(machine: Machine, path: Path) -> Path:
-    """Return ``path`` with explicit blends at its corners between lines, chosen for a quick motion.
+def choose_blends(machine: Machine, path: Path) -> RoundedPath:
+    """Round the corners of a path between lines with blends that are chosen for a quick motion.
 
     Corners keep their tolerance. Corners with a blend of their own, sharp ones and those at rests
-    stay as they are. A path that cannot be followed comes back as it is: the check says why.
+    are rounded as they say. Whether the machine can follow is for the check to say.
+
+    Raises:
+        PathError: Explicit blends do not fit.
     """
+    rounded = round_corners(path)
     if all(isinstance(corner, Blend) or corner == 0.0 for corner in path.corners):
-        return path
-    try:
-        rounded = round_corners(path)
-    except PathError:
-        return path
+        return rounded
     corners = _open_corners(path, rounded)
     if not corners:
-        return path
+        return rounded
     if len(corners) > _MOST_CORNERS:
-        return _styled(path, corners, Style(*_USUAL))
+        return round_corners(_styled(path, corners, Style(*_USUAL)))
     balances: tuple[float, ...] = _BALANCES
     if len(corners) == 1 and corners[0].side == 0:
         balances, corners = _BOTH_WAYS, [replace(corners[0], side=1)]
-    return _Search(machine, path, corners).best(balances)
+    return _Search(machine, rounded, corners).best(balances)
 
 
 def _open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
@@ -207,29 +207,28 @@ class _Search:
 
     Args:
         machine: Whose limits the time depends on.
-        path: What is to be rounded.
-        corners: Where.
+        plain: The path with its corners rounded without a choice.
+        corners: Where there is one.
     """
 
-    def __init__(self, machine: Machine, path: Path, corners: list[_Corner]) -> None:
+    def __init__(self, machine: Machine, plain: RoundedPath, corners: list[_Corner]) -> None:
         self._machine = machine
-        self._path = path
+        self._plain = plain
         self._corners = corners
-        self._offset = np.subtract(machine.work_frame, machine.tool_offset)
-        self._times: dict[tuple[float, ...], float] = {}
+        self._tried: dict[tuple[float, ...], tuple[float, RoundedPath]] = {}
         self._keys: dict[tuple[float, float], tuple[float, ...]] = {}
         self._like: list[Rough] = []  # of the first style: where all others begin
 
-    def best(self, balances: tuple[float, ...]) -> Path:
-        """Return the path with the quickest blends found, or the path itself if that is quicker."""
+    def best(self, balances: tuple[float, ...]) -> RoundedPath:
+        """Return the path with the quickest blends found, or the plain one if that is quicker."""
         looks = [(balance, _SHAPE) for balance in balances]
         looks += [(balance, _SHARPER) for balance in balances[:3]]
         point = self._quickest([*looks, (balances[0], _ROUNDER)])
         for axis in (0, 1):
             point = self._along(point, axis, _STEPS[axis])
-        if not less(self._time(point), self._time_of(self._path)):
-            return self._path
-        return _styled(self._path, self._corners, Style(*point))
+        if not less(self._time(point), self._time_of(self._plain)):
+            return self._plain
+        return self._tried[self._keys[point]][1]
 
     def _along(self, point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
         """Go to the better side along one axis, and on to the peak of a parabola."""
@@ -260,21 +259,21 @@ class _Search:
     def _time(self, point: tuple[float, float]) -> float:
         """Estimate a style, once for all styles that come to the same blends for want of room."""
         if point not in self._keys:
-            path = _styled(self._path, self._corners, Style(*point))
+            path = _styled(self._plain.path, self._corners, Style(*point))
             blends = [corner for corner in path.corners if isinstance(corner, Blend)]
             key = tuple(round(v, _DIGITS) for b in blends for v in (b.before, b.after, b.shape))
             self._keys[point] = key
-            if key not in self._times:
-                self._times[key] = self._time_of(path)
-        return self._times[self._keys[point]]
+            if key not in self._tried:
+                rounded = round_corners(path)
+                self._tried[key] = self._time_of(rounded), rounded
+        return self._tried[self._keys[point]][0]
 
-    def _time_of(self, path: Path) -> float:
+    def _time_of(self, rounded: RoundedPath) -> float:
         """Estimate how long a path takes [s]; infinity where it cannot be followed."""
         try:
-            rounded = round_corners(path)
-            curve = rounded.curve.moved(self._offset)
-            caps = rounded.speed_caps
-            timed = TimedCurve(self._machine, curve, caps, path.tool_acceleration)
+            curve = rounded.platform_curve(self._machine)
+            cap = rounded.path.tool_acceleration
+            timed = TimedCurve(self._machine, curve, rounded.speed_caps, cap)
             spans = list(pairwise([0.0, *curve.rests, curve.end]))
             like: list[Rough | None] = [*self._like]
             if len(like) != len(spans):  # the first style, or one with other rests
@@ -285,5 +284,5 @@ class _Search:
                 like = [*found]
             pairs = zip(spans, like, strict=True)
             return sum(estimate(timed, *span, _CELLS, one).duration for span, one in pairs)
-        except (PathError, UnreachableError, SingularityError):
+        except (UnreachableError, SingularityError):
             return inf

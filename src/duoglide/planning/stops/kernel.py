@@ -11,7 +11,8 @@ from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled
 
 
-def _largest_slopes(peaks: FloatArray, limits: Any, levels: Any, rho: float, out: Any) -> None:
+@compiled
+def largest_slopes(peaks: FloatArray, limits: Any, levels: Any, rho: float, out: Any) -> None:
     """Find the largest R1 that each cell allows with R2 = R1^2 / rho, falling and rising.
 
     Each limit is looked at from both sides: what the plan itself adds there is its own peak; with
@@ -51,10 +52,8 @@ def _largest_slopes(peaks: FloatArray, limits: Any, levels: Any, rho: float, out
             out[way, k] = slope
 
 
-largest_slopes = compiled(_largest_slopes)
-
-
-def _through_windows(largest: FloatArray, lasting: float, slope: FloatArray, until: Any) -> None:
+@compiled
+def through_windows(largest: FloatArray, lasting: float, slope: FloatArray, until: Any) -> None:
     """Find the R1 that the whole window of each cell allows, and the last cell of the window.
 
     Args:
@@ -72,9 +71,6 @@ def _through_windows(largest: FloatArray, lasting: float, slope: FloatArray, unt
             least = min(least, largest[last])
         slope[start] = least
         until[start] = last
-
-
-through_windows = compiled(_through_windows)
 
 
 def windows(largest: FloatArray, lasting: float) -> tuple[FloatArray, Any]:

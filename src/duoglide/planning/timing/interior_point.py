@@ -35,7 +35,8 @@ _FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 
 _STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1e-2 here
 
 
-def _factor(band: FloatArray, diagonal: FloatArray) -> bool:
+@compiled
+def factor(band: FloatArray, diagonal: FloatArray) -> bool:
     """Factor in place into L D L', D in row 0 and L's lower diagonals in the rows after it.
 
     A pivot that rounding has eaten is made huge, which keeps that unknown where it is for a step.
@@ -62,11 +63,9 @@ def _factor(band: FloatArray, diagonal: FloatArray) -> bool:
     return True
 
 
-factor = compiled(_factor)
-
-
-def _back_solve(band: FloatArray, y: FloatArray) -> None:
-    """Solve in place with the factors of ``_factor``."""
+@inlined
+def back_solve(band: FloatArray, y: FloatArray) -> None:
+    """Solve in place with the factors of ``factor``."""
     n = y.size
     for i in range(n):
         end = WIDTH if n - i > WIDTH else n - i
@@ -80,10 +79,8 @@ def _back_solve(band: FloatArray, y: FloatArray) -> None:
         y[i] = value
 
 
-back_solve = inlined(_back_solve)
-
-
-def _times(first: Any, rows: FloatArray, x: FloatArray, out: FloatArray) -> None:
+@compiled
+def times(first: Any, rows: FloatArray, x: FloatArray, out: FloatArray) -> None:
     """Multiply the rows by ``x``."""
     for r in range(out.size):
         total = 0.0
@@ -92,10 +89,8 @@ def _times(first: Any, rows: FloatArray, x: FloatArray, out: FloatArray) -> None
         out[r] = total
 
 
-times = compiled(_times)
-
-
-def _cost_terms(goal: Any, value: FloatArray, gradient: FloatArray, band: FloatArray) -> float:
+@inlined
+def cost_terms(goal: Any, value: FloatArray, gradient: FloatArray, band: FloatArray) -> float:
     """Set gradient and Newton matrix to the derivatives of the cost, and return it."""
     first, points, _offsets, weights = goal
     for i in range(gradient.size):
@@ -116,16 +111,14 @@ def _cost_terms(goal: Any, value: FloatArray, gradient: FloatArray, band: FloatA
     return cost
 
 
-cost_terms = inlined(_cost_terms)
-
-
-def _assemble(system: Any, goal: Any, iterate: Any, newton: Any, dual: FloatArray) -> Any:
+@compiled
+def assemble(system: Any, goal: Any, iterate: Any, newton: Any, dual: FloatArray) -> Any:
     """Set gradient and Newton matrix to what cost and constraints make them; find the residuals.
 
     Args:
         system: See ``solve``.
         goal: See there.
-        iterate: Unknowns, cost's points, rows times unknowns, and the state of ``_direction``.
+        iterate: Unknowns, cost's points, rows times unknowns, and the state of ``direction``.
         newton: Newton matrix, gradient of the cost, step.
         dual: Where to write the gradient of the Lagrangian, (n,).
 
@@ -162,10 +155,8 @@ def _assemble(system: Any, goal: Any, iterate: Any, newton: Any, dual: FloatArra
     return cost, gap, slope, primal
 
 
-assemble = compiled(_assemble)
-
-
-def _direction(system: Any, state: FloatArray, newton: Any, target: float, second: bool) -> Any:
+@compiled
+def direction(system: Any, state: FloatArray, newton: Any, target: float, second: bool) -> Any:
     """Solve for one step, of dx and of the slacks and multipliers in ``state``.
 
     ``state`` holds, a row each: residual of the constraint, slack, multiplier, step of the slack,
@@ -210,10 +201,8 @@ def _direction(system: Any, state: FloatArray, newton: Any, target: float, secon
     return go_s, go_z, ahead
 
 
-direction = compiled(_direction)
-
-
-def _advance(system: Any, goal: Any, iterate: Any, dx: FloatArray, go: Any) -> None:
+@compiled
+def advance(system: Any, goal: Any, iterate: Any, dx: FloatArray, go: Any) -> None:
     """Step as far as slacks, multipliers and cost stay positive and finite, and evaluate."""
     go_s, go_z = go
     first, points, offsets, weights = goal
@@ -233,9 +222,6 @@ def _advance(system: Any, goal: Any, iterate: Any, dx: FloatArray, go: Any) -> N
     for p in range(weights.size):
         value[p] += offsets[p]
     times(system[0], system[1], x, gx)
-
-
-advance = compiled(_advance)
 
 
 def _evaluate(system: Any, goal: Any, iterate: Any) -> None:

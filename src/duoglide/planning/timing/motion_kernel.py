@@ -9,18 +9,17 @@ from math import cos, sin
 from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.compiled import compiled, inlined
+from duoglide.kinematics.compiled import compiled, inlined, share
 from duoglide.kinematics.derivatives import carriage_jets, root_jet
 from duoglide.motion.profile import quintic
 
-for formula in (root_jet, carriage_jets, quintic):  # called, they would take half as long again
-    register_jitable(forceinline=True)(formula)
+share(root_jet, carriage_jets, quintic, inline=True)  # called, they would take half as long again
 
 
-def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArray) -> None:
+@inlined
+def point(local: float, span: float, rate: float, c: FloatArray, out: FloatArray) -> None:
     """Write position and three derivatives by sigma of one piece of a curve, (4, 3)."""
     for axis in range(3):
         if rate > 0.0:
@@ -50,10 +49,8 @@ def _point(local: float, span: float, rate: float, c: FloatArray, out: FloatArra
         out[3, axis] = d3 * (6.0 * w * w * w)
 
 
-point = inlined(_point)
-
-
-def _carriages(r: FloatArray, constants: Any, q: FloatArray) -> bool:
+@inlined
+def carriages(r: FloatArray, constants: Any, q: FloatArray) -> bool:
     """Write the carriages and three derivatives, (4, 3); return whether the point is in reach."""
     first, second, third = carriage_jets(
         (r[0, 0], r[1, 0], r[2, 0], r[3, 0]),
@@ -68,10 +65,8 @@ def _carriages(r: FloatArray, constants: Any, q: FloatArray) -> bool:
     return bool(total - total == 0.0)  # finite
 
 
-carriages = inlined(_carriages)
-
-
-def _carriage_motion(
+@compiled
+def carriage_motion(
     curve: Any, constants: Any, motion: FloatArray, piece: Any, out: FloatArray
 ) -> int:
     """Differentiate the carriages by time.
@@ -103,10 +98,8 @@ def _carriage_motion(
     return -1
 
 
-carriage_motion = compiled(_carriage_motion)
-
-
-def _cell_states(
+@compiled
+def cell_states(
     knots: FloatArray, polynomials: FloatArray, breaks: FloatArray, motion: FloatArray, pieces: Any
 ) -> None:
     """Evaluate a profile at evenly spaced times of each of its cells, both ends included.
@@ -135,6 +128,3 @@ def _cell_states(
             motion[i, j, 2] = a
             motion[i, j, 3] = third
             pieces[i, j] = piece
-
-
-cell_states = compiled(_cell_states)

@@ -85,7 +85,8 @@ def replace_unknowns(
     return offset
 
 
-def _replace_unknown(first: Any, rows: FloatArray, tie: Any, offset: FloatArray) -> None:
+@compiled
+def replace_unknown(first: Any, rows: FloatArray, tie: Any, offset: FloatArray) -> None:
     """Take one unknown out of the rows that touch it."""
     unknown, by, value = tie
     for r in range(first.size):
@@ -98,10 +99,8 @@ def _replace_unknown(first: Any, rows: FloatArray, tie: Any, offset: FloatArray)
             rows[r, j] = 0.0
 
 
-replace_unknown = compiled(_replace_unknown)
-
-
-def _write_alpha(u: float, slope: float, factor: float, row: FloatArray) -> None:
+@inlined
+def write_alpha(u: float, slope: float, factor: float, row: FloatArray) -> None:
     """Write ``factor`` times alpha at the share ``u`` of a cell; ``slope`` is 2 delta / unit."""
     v = 1.0 - u
     row[0] = factor * (v * v * (1.0 + 2.0 * u))
@@ -110,10 +109,8 @@ def _write_alpha(u: float, slope: float, factor: float, row: FloatArray) -> None
     row[3] = -factor * (slope * (u * u * v))
 
 
-write_alpha = inlined(_write_alpha)
-
-
-def _fill_points(delta: FloatArray, unit: float, boole: FloatArray, out: Any) -> None:
+@compiled
+def fill_points(delta: FloatArray, unit: float, boole: FloatArray, out: Any) -> None:
     """Fill the rows of ``duration_points``."""
     first, points, weights = out
     count = boole.size
@@ -125,10 +122,8 @@ def _fill_points(delta: FloatArray, unit: float, boole: FloatArray, out: Any) ->
             write_alpha(p / (count - 1.0), 2.0 * delta[k] / unit, 1.0, points[r])
 
 
-fill_points = compiled(_fill_points)
-
-
-def _write_cell(delta: float, unit: float, at: FloatArray) -> None:
+@inlined
+def write_cell(delta: float, unit: float, at: FloatArray) -> None:
     """Write alpha, beta and d beta/d theta at the points of a cell as rows, (3, 3, 4).
 
     What is zero in every cell is zero already.
@@ -150,10 +145,8 @@ def _write_cell(delta: float, unit: float, at: FloatArray) -> None:
         at[1, 2, point + 1] = -sign * h * w
 
 
-write_cell = inlined(_write_cell)
-
-
-def _write_pair(at: Any, factors: Any, slack: float, rows: FloatArray, r: int) -> None:
+@inlined
+def write_pair(at: Any, factors: Any, slack: float, rows: FloatArray, r: int) -> None:
     """Keep a sum of alpha, beta and d beta/d theta within 1, or 1.5 less ``slack`` times alpha."""
     by_alpha, by_beta, by_rate = factors
     for j in range(WIDTH):
@@ -162,10 +155,8 @@ def _write_pair(at: Any, factors: Any, slack: float, rows: FloatArray, r: int) -
         rows[r + 1, j] = slack * at[0, j] - within
 
 
-write_pair = inlined(_write_pair)
-
-
-def _fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, out: Any) -> None:
+@compiled
+def fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, out: Any) -> None:
     """Fill the rows of ``limit_rows``.
 
     Args:
@@ -218,6 +209,3 @@ def _fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, o
                 r += 2
         for row in range(begin, r):
             first[row] = 2 * k
-
-
-fill_limits = compiled(_fill_limits)

@@ -7,13 +7,12 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.errors import PathError
 from duoglide.kinematics.headroom.nearby import Patch, room_on, with_pairs
-from duoglide.kinematics.headroom.room import TOUCHING, locate, room
+from duoglide.kinematics.headroom.room import SURE, TOUCHING, locate, room
 from duoglide.machine import Machine
 from duoglide.motion.path.transfer import TransferPath
 
 FIRST_CELLS = 64
 _SHARP = 1e-3  # mm, to which the least clearance is found
-_SURE = 0.9 * TOUCHING  # a bound this far above what is required certifies a cell
 _FINEST = 2.0**-40  # of the duration
 
 
@@ -39,13 +38,13 @@ def certify(machine: Machine, path: TransferPath) -> float:
     seen = sure = np.inf
     while low.size:
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        enough = max(seen - _SHARP, _SURE) if seen < np.inf else -np.inf
+        enough = max(seen - _SHARP, SURE) if seen < np.inf else -np.inf
         here, lowest = room_on(machine, _patch(path, middle, half), enough)
         seen = min(seen, float(here.clearance.min()))
         left = np.minimum(here.clearance, here.keep_out)
         if left.min() <= TOUCHING:
             raise _refusal(machine, path, float(middle[np.argmin(left)]))
-        open_ = (lowest.clearance < max(seen - _SHARP, _SURE)) | (lowest.keep_out < _SURE)
+        open_ = (lowest.clearance < max(seen - _SHARP, SURE)) | (lowest.keep_out < SURE)
         sure = min(sure, float(lowest.clearance[~open_].min(initial=np.inf)))
         low, high = (
             np.concatenate([low[open_], middle[open_]]),

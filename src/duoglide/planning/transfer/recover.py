@@ -23,6 +23,7 @@ from duoglide.kinematics.model import inverse, reachable
 from duoglide.kinematics.singularity import clearance_gradient
 from duoglide.machine import CarriageLimits, Machine
 from duoglide.motion.motion import Motion
+from duoglide.motion.path.segments import show
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
@@ -68,7 +69,7 @@ def recover(machine: Machine, carriages: ArrayLike, speed: float = CREEP) -> Tra
         raise InputError(f"speed = {creep:g} mm/s: must be above zero")
     if not locate(machine, start[None])[1][0]:
         raise PathError(
-            f"carriages at {_show(start)} mm: on or beyond a singularity, where they do not tell"
+            f"carriages at {show(start)} mm: on or beyond a singularity, where they do not tell"
             " where the platform is; move it by hand",
             quantity="reach",
         )
@@ -180,12 +181,8 @@ def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Tr
 def _no_way(machine: Machine, here: FloatArray) -> PathError:
     _, quantity, amount = room(machine, here[None]).worst()
     return PathError(
-        f"no way out of carriages at {_show(here)} mm on which {quantity}, {-amount:.6g} mm too"
+        f"no way out of carriages at {show(here)} mm on which {quantity}, {-amount:.6g} mm too"
         " small, does not get smaller; move it by hand",
         quantity=quantity,
         amount=-amount,
     )
-
-
-def _show(values: FloatArray) -> str:
-    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

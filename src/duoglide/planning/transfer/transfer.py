@@ -14,6 +14,7 @@ from duoglide.kinematics.model import inverse
 from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.path import Path
+from duoglide.motion.path.segments import show
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
@@ -62,7 +63,7 @@ def transfer(
             refused.append(f"{way}: {error}")
     reasons = "\n  ".join(refused)
     raise PathError(
-        f"no safe transfer from {_show(here)} to {_show(there)} mm:\n  {reasons}",
+        f"no safe transfer from {show(here)} to {show(there)} mm:\n  {reasons}",
         arc_length=getattr(first, "arc_length", float("nan")),
         position=getattr(first, "position", ()),
         quantity=getattr(first, "quantity", ""),
@@ -166,14 +167,10 @@ def _require_room(machine: Machine, position: FloatArray, name: str) -> FloatArr
         problem = f"{quantity} is {-amount:.6g} mm too small"
     if problem:
         raise PathError(
-            f"{name} {_show(position)} mm is not admissible: {problem}",
+            f"{name} {show(position)} mm is not admissible: {problem}",
             arc_length=0.0,
             position=position.tolist(),
             quantity=quantity,
             amount=-amount,
         )
     return carriages
-
-
-def _show(position: FloatArray) -> str:
-    return "(" + ", ".join(f"{value:.6g}" for value in position) + ")"
