@@ -113,7 +113,5 @@ def _play(file: Path, bus: str, channel: str | None, as_json: bool) -> None:
         facts = {"frames": count, "channel": frames.channel, "skipped": frames.skipped}
         say_json("replay", facts)
         return
-    left = (
-        f"; {frames.skipped} error frames or status lines were left out" if frames.skipped else ""
-    )
+    left = f"; {frames.skipped} error frames or status lines left out" if frames.skipped else ""
     say(f"{file}: {count} frames of {frames.channel} sent to {bus}{left}")
