@@ -16,7 +16,7 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.constants import Constants
-from duoglide.kinematics.headroom.nearby import bound_from_anchors
+from duoglide.kinematics.headroom.anchors import bound_from_anchors
 from duoglide.kinematics.headroom.room import SURE, box_distance, outside
 from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.nearest import nearest_surface
