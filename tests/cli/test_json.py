@@ -76,7 +76,7 @@ def test_verbs_that_move_drives_have_the_documented_keys(
     run_keys = {*demo["run"], "log"}
     assert run_keys == keys["stream"] == keys["replay"]
     log = demo["files"]["log"]
-    assert Path(log) == Path("duoglide-demo") / "run.mcap" and Path(log).exists()
+    assert Path(log) == Path("run.mcap") and Path(log).exists()
     assert set(answer(["replay", log, "--approach"], capsys)) == keys["replay"]
     assert set(answer(["log", log, "--compare", log], capsys)) == set(demo["replay"])
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -17,7 +19,6 @@ from duoglide.cli.outputs import Force, require_log, require_picture
 from duoglide.cli.powered import under_power
 from duoglide.cli.program import planning
 from duoglide.errors import BusError, DriveError
-from duoglide.storage.paths import numbered
 
 if TYPE_CHECKING:
     from duoglide.control.host.report import RunReport
@@ -32,8 +33,8 @@ _TRIES = 3
 _HELP = """\
 Plan, stream, log and replay a pick-and-place cycle on three simulated drives.
 
-The standard cycle, 25/305/25 mm there and back. Writes plan.mcap, run.mcap and demo.png into
-duoglide-demo, or duoglide-demo-2 and so on; no hardware, no other program.
+The standard cycle, 25/305/25 mm there and back. Writes plan.mcap, run.mcap and demo.png, or
+plan-2.mcap and so on where these are there already; no hardware, no other program.
 """
 _EXAMPLE = """\
 Examples:
@@ -52,9 +53,22 @@ class _Files:
     run: Path
     picture: Path
 
+    @classmethod
+    def within(cls, folder: Path, number: int = 1) -> _Files:
+        """Name the files of the demo, those of a second one with a 2, and so on."""
+        end = f"-{number}" if number > 1 else ""
+        names = f"plan{end}.mcap", f"run{end}.mcap", f"demo{end}.png"
+        return cls(*(folder / name for name in names))
+
     @property
-    def names(self) -> str:
-        return f"{self.plan}, {self.run}, {self.picture}"
+    def all(self) -> tuple[Path, Path, Path]:
+        """The plan, the run and the picture."""
+        return self.plan, self.run, self.picture
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing stands where they shall be written."""
+        return not any(file.exists() or file.is_symlink() for file in self.all)
 
 
 @dataclass(slots=True)
@@ -93,16 +107,18 @@ def demo(
     machine: MachineFile = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Where to write. (default: a folder of its own)"),
+        typer.Option("--out", metavar="DIR", help="Where to write. (default: here, beside others)"),
     ] = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Plan, stream, log and replay a pick-and-place cycle on three simulated drives."""
     described = load_machine(machine)
-    folder = out if out is not None else numbered(Path("duoglide-demo"))
-    folder.mkdir(parents=True, exist_ok=True)
-    files = _Files(folder / "plan.mcap", folder / "run.mcap", folder / "demo.png")
+    if out is None:
+        files = next(f for number in count(1) if (f := _Files.within(Path(), number)).free)
+    else:
+        out.mkdir(parents=True, exist_ok=True)
+        files = _Files.within(out)
     require_log(files.plan, force=force)
     require_log(files.run, force=force)
     require_picture(files.picture)
@@ -121,9 +137,9 @@ def demo(
         return
     say(f"25/305/25 mm there and back in {trajectory.duration:.4f} s, a pick and a place")
     say_facts([*_plan_facts(audit), *run_facts(report), _replay_fact(same), *tries.facts])
-    say(f"wrote {files.names}")
-    if out is None:
-        say(f"to take that away again: rm -r {folder}")
+    written = [shlex.quote(str(file)) for file in files.all]
+    say(f"wrote {', '.join(written)}")
+    say(f"to take them away again: rm {' '.join(written)}")
     say("The drives were simulated; nothing here has moved real ones yet.")
 
 
