@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,14 @@ def test_a_fault_on_the_approach_is_called_that_with_one_number(
     events = [event.text for _, event in read_log(log).records(Topic.EVENT)]
     assert words in events
     assert report.to_dict()["approaching"] is True
+
+
+@pytest.fixture(autouse=True)
+def _heard() -> Iterator[None]:
+    """Hear Ctrl-C also where these tests run in the background of a shell, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def test_signals_wait_while_the_machine_is_put_to_rest() -> None:
