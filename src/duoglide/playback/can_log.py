@@ -236,10 +236,10 @@ def _candump(file: Path, skipped: Counter[str]) -> Iterator[_Read]:
 
 
 def _cut(where: str, text: str) -> LogError:
-    """Say that the last line may be only the beginning of one: its data may be shorter by a byte."""
+    """Say that the last line may be only the beginning of one, of other data."""
     return LogError(
-        f"{where}: {text[:60]!r} does not end with an end of line, so that the log may be cut within"
-        " it; delete the line, or end it"
+        f"{where}: {text[:60]!r} has no end of line, so that the log may be cut within it; delete"
+        " the line, or end it"
     )
 
 
