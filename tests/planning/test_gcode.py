@@ -10,6 +10,7 @@ from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import Helix
 from duoglide.planning.programs.gcode import read_gcode
+from duoglide.planning.programs.notes import ProgramNotes
 
 
 def test_straight_moves_feeds_comments_and_line_numbers() -> None:
@@ -330,6 +331,15 @@ def test_a_percent_may_carry_a_program_number() -> None:
 @pytest.mark.parametrize("word", ["P", "S"])
 def test_to_dwell_for_no_time_is_nothing(word: str) -> None:
     assert read_gcode(CIRCLE + f"G4 {word}0\nG1 Y10\nG4 {word}0.0").actions == ()
+
+
+def test_smoothness_keeps_every_point() -> None:
+    notes = ProgramNotes()
+    path = read_gcode("G0 X0 Y0 Z300\nG64 P0.05 Q0.02\nG1 X5\nX6\nX6 Y5", notes=notes)
+    assert path.corners == (0.05, 0.05)
+    assert notes.remarks == ["line 2: G64 Q: no point is left out; P is the tolerance"]
+    with pytest.raises(dg.InputError, match="Q: of no meaning"):
+        read_gcode("G0 X0 Y0 Z300\nG64 Q0.02\nG1 X5")
 
 
 def test_smoothness_without_a_number_is_that_of_the_program_and_says_so() -> None:

@@ -10,6 +10,7 @@
 | G21, G90, G91 | millimetres, absolute, relative; G20 (inches) is refused |
 | G61, G61.1 | exact corners |
 | G64 P | corner tolerance P [mm]; without P that of the whole program, and the report says so |
+| G64 P Q | the same: within Q LinuxCNC would leave points out; here all are kept, and it is told |
 | F | cap on the tool's speed in G1, G2 and G3 [mm/min] |
 | M2, M30 | end of the program; what follows is not read |
 | M62, M64 P / M63, M65 P | output on / off; P counts 32 to a drive: P16 is bit 16 of axis 1 |
@@ -129,6 +130,8 @@ class _Interpreter:
         """Return the corner tolerance after G64 [mm]."""
         if "P" in words:
             tolerance = words.pop("P")
+            if words.pop("Q", None) is not None:
+                self.notes.remark(self.line, "G64 Q: no point is left out; P is the tolerance")
             if tolerance < 0.0:
                 raise InputError(f"G64 P{tolerance:g}: must be 0 mm or above")
             return tolerance
