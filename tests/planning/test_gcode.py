@@ -10,6 +10,7 @@ from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import Helix
 from duoglide.planning.programs.gcode import read_gcode
+from duoglide.planning.programs.notes import ProgramNotes
 
 
 def test_straight_moves_feeds_comments_and_line_numbers() -> None:
@@ -35,6 +36,15 @@ def test_straight_moves_feeds_comments_and_line_numbers() -> None:
     )
     assert [segment.speed for segment in path.segments] == [10.0, 10.0, None, 10.0]
     assert path.corners == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "head", ["G0 X1 Y2\nG0 Z300", "G1 Z300 F720\nG1 X1 Y2 F9000", "G0 Y2\nM64 P0\nX1 Z300"]
+)
+def test_the_start_may_come_one_axis_after_the_other(head: str) -> None:
+    path = read_gcode(f"{head}\nG1 X5\n")
+    assert path.waypoints == ((1, 2, 300), (5, 2, 300))
+    assert [waypoint for waypoint, _ in path.actions] == [0] * head.count("M64")
 
 
 def test_relative_coordinates_add_up() -> None:
@@ -103,8 +113,13 @@ def test_a_full_circle_is_one_arc_without_a_rest() -> None:
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("G1 X0 Y0", "line 1: the first move"),
-        ("G91 G1 X0 Y0 Z0", "line 1: the first move"),
+        ("G1 X0 Y0", "it does not say where it starts: there is no Z"),
+        ("G1 Y0\nM30", "it does not say where it starts: there is no X and Z"),
+        ("G91 G1 X0 Y0 Z0", "line 1: the first moves"),
+        ("G1 X0 Y0\nX5 Y5\nZ300", "line 2: the first moves .* each of X, Y and Z once"),
+        ("G1 X0 Y0\nG91 Z300", "line 2: the first moves"),
+        ("G1 X0 Y0\nG2 Z300 I5", "line 2: the first moves"),
+        ("G1 I5", "line 1: the first moves"),
         ("X0 Y0 Z0", "line 1: coordinates before"),
         ("G0 X0 Y0 Z0\nG20 G1 X1", "line 2: G20: inches"),
         ("G0 X0 Y0 Z0\nG5 X1", "line 2: G5 is not known"),
@@ -132,7 +147,7 @@ def test_a_full_circle_is_one_arc_without_a_rest() -> None:
         ("G0 X0 Y0 Z0\nG93 G1 X10 F5", "line 2: G93: F as inverse time"),
         ("G0 X0 Y0 Z0\nG95 G1 X10 F5", "line 2: G95: F per revolution"),
         ("G0 X0 Y0 Z0\nG92 X5", "line 2: G92: the origin is not moved"),
-        ("G0 X0 Y0 Z0\nG2 X1000 I500 J1e3", "line 2: E: of no meaning"),
+        ("G0 X0 Y0 Z0\nG2 X1000 I500 J1e3", "line 2: E: .* if e3 is an exponent, write the number"),
         ("G0 X0 Y0 Z0\nG1 X2e18", "line 2: E: of no meaning"),
         ("G0 X0 Y0 Z0", "nothing moves"),
         ("", "nothing moves"),
@@ -316,6 +331,15 @@ def test_a_percent_may_carry_a_program_number() -> None:
 @pytest.mark.parametrize("word", ["P", "S"])
 def test_to_dwell_for_no_time_is_nothing(word: str) -> None:
     assert read_gcode(CIRCLE + f"G4 {word}0\nG1 Y10\nG4 {word}0.0").actions == ()
+
+
+def test_smoothness_keeps_every_point() -> None:
+    notes = ProgramNotes()
+    path = read_gcode("G0 X0 Y0 Z300\nG64 P0.05 Q0.02\nG1 X5\nX6\nX6 Y5", notes=notes)
+    assert path.corners == (0.05, 0.05)
+    assert notes.remarks == ["line 2: G64 Q: no point is left out; P is the tolerance"]
+    with pytest.raises(dg.InputError, match="Q: of no meaning"):
+        read_gcode("G0 X0 Y0 Z300\nG64 Q0.02\nG1 X5")
 
 
 def test_smoothness_without_a_number_is_that_of_the_program_and_says_so() -> None:

@@ -29,9 +29,10 @@ G92 E0
 G1 X20 Y20E0.75
 M107
 M73 P100 R0
-M84
+M115 U5.1.2+13478
+M84 X Y E
 """
-NAMES = ["M104", "m140", "M117", "M862.3", "M201", "M82", "M106", "M107", "M73", "M84", "E"]
+NAMES = ["M115", "M104", "m140", "M117", "M862.3", "M201", "M82", "M106", "M107", "M73", "M84", "E"]
 MILLED = """\
 %
 O1001 (pocket)
@@ -58,7 +59,7 @@ def test_a_sliced_file_is_read_and_its_words_are_counted(tmp_path: pathlib.Path)
     assert [segment.speed for segment in reading.path.segments] == [30.0, 30.0, 40.0]
     assert reading.ignored == {
         **dict.fromkeys(["M104", "M140", "M117", "M862.3", "M201", "M82"], 1),
-        **dict.fromkeys(["M106", "M107", "M73", "M84"], 1),
+        **dict.fromkeys(["M106", "M107", "M73", "M84", "M115"], 1),
         "E": 6,
     }
     with pytest.raises(dg.InputError, match=r"line 2: M104 is not known.*--ignore M104 skips it"):
@@ -89,11 +90,17 @@ def test_a_milled_file_is_read_and_its_words_are_counted() -> None:
         *((f"M{m}", "stops for a person") for m in (0, 60, 25, 226)),
         *((f"M{m}", "changes units") for m in (92, 149, 200, 350)),
         *((f"M{m}", "offsets") for m in (206, 218, 290, 420, 428, 665, 669, 851)),
+        *((f"M{m}", "stops for a person") for m in (291, 601)),
+        ("M579", "changes units"),
+        ("M852", "offsets"),
+        ("M808", "goes to another place of the program"),
         ("M600", "moves"),
         ("M98", "goes to another program"),
         ("M112", "is an emergency stop"),
         ("G92 X0", "moves the origin"),
         ("offset", "says where or how to move"),
+        ("work_offset", "says where or how to move"),
+        ("speed-unit", "says where or how to move"),
         ("", "not a word"),
         ("M", "belongs to the words"),
         ("G", "belongs to the words"),
@@ -127,6 +134,9 @@ def test_what_is_no_list_of_words_is_refused(names: object) -> None:
         (["E"], "G1 X1E+3", "may be an exponent"),
         (["E"], "G4 P50", "G4 P50 may be seconds or, as printers count, milliseconds"),
         (["M106"], "G4 P0.5", "milliseconds; write G4 S"),
+        (["M84"], "M84 X5 Y", "cannot read 'Y'"),
+        (["M84"], "G1 M84 X Y", "cannot read"),
+        (["M17"], "M84 X Y", "cannot read"),
         (["M8"], "M9", "M9 is not known here; .*--ignore M9 skips it"),
         (["M3"], "G1 X5 S100 M3", "S: of no meaning in this line; --ignore S skips it"),
         (["M117"], "M1170 G1 X5", "M1170 is not known"),

@@ -188,6 +188,32 @@ def test_trc_that_says_something_else_is_refused(text: str, why: str, tmp_path: 
         read(tmp_path, "a.trc", text)
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.log", "(1.0) can0 123#1122\n(1.1) can0 123#3344\n"),
+        ("a.log", "(1.0) can0 123#1122\r\n(1.1) can0 123#3344\r\n"),
+        ("a.asc", HEX.removesuffix("End TriggerBlock\n")),
+        ("a.trc", TRC),
+    ],
+)
+def test_a_last_line_that_may_be_cut_is_no_shorter_frame(
+    name: str, text: str, tmp_path: Path
+) -> None:
+    whole = list(read(tmp_path, name, text))
+    refused = 0
+    for size in range(len(text) - 40, len(text)):
+        try:
+            frames = list(read(tmp_path, name, text[:size]))
+        except dg.LogError:
+            refused += 1
+        else:
+            assert frames == whole[: len(frames)], text[:size]
+    assert refused > 20
+    with pytest.raises(dg.LogError, match=r"line \d+: .* may be cut within it; delete the line"):
+        read(tmp_path, name, text.rstrip())
+
+
 @pytest.fixture
 def blf(tmp_path: Path) -> Path:
     file = tmp_path / "frames.blf"

@@ -133,7 +133,8 @@ def test_the_command_shows_both_runs_side_by_side(
     other = write_run(paced({0: 0.5}), "other.mcap")
     assert run(["log", str(usual), "--compare", str(other)]) == 0
     out = capsys.readouterr().out
-    assert "the same path at another pace; every setpoint is the same" in out
+    words = " ".join(out.split())  # where the lines break depends on the length of the folder
+    assert "the same path at another pace; every setpoint is the same" in words
     assert "100 %" in out
     assert "50 %" in out
     assert run(["log", str(usual), "--compare", str(other), "--json"]) == 0

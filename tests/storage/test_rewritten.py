@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 from rewritten_logs import WAYS, rewrite
 
 import duoglide as dg
-from duoglide.storage import CycleRecord, Log, LogKind, LogWarning, Topic, read_log
+from duoglide.storage import CycleRecord, Log, LogKind, LogWarning, LogWriter, Topic, read_log
 from duoglide.storage.head import METADATA_NAME, checksum
 
 
@@ -53,6 +53,33 @@ def test_what_a_filter_has_taken_is_told(
         dg.LogError, match=r"head of the log is not in it; a standard tool .*--incl"
     ):
         read_log(file)
+
+
+@pytest.mark.parametrize(
+    ("keep", "missing"),
+    [
+        (range(41), "20 of 60 cycles have been filtered out or lost"),
+        (range(20, 41), "39 of 60 cycles have been filtered out or lost"),
+        (range(0), "60 of 60 cycles have been filtered out or lost"),
+        (range(2, 61), "1 of 60 cycles have been filtered out or lost"),
+        (range(61), ""),
+    ],
+)
+def test_cycles_that_were_cut_off_the_end_are_told(
+    keep: range, missing: str, run_log: Path, cycles: list[CycleRecord], tmp_path: Path
+) -> None:
+    original = read_log(run_log)
+    whole = tmp_path / "whole.mcap"
+    with LogWriter(whole, LogKind.RUN, {}, original.anchor) as log:
+        for number, record in enumerate(cycles):
+            log.write(Topic.CYCLE, original.anchor.monotonic + 0.002 * number, record)
+        log.attach("report", {"cycles": len(cycles)})
+    assert read_log(whole).missing == ""
+    file = tmp_path / "cut.mcap"
+    rewrite(whole, file, {}, keep=lambda message, topic: message.sequence in keep)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)
+        assert read_log(file).missing == missing
 
 
 def test_messages_that_nobody_has_numbered_are_not_missed(

@@ -231,6 +231,16 @@ def _candump(file: Path, skipped: Counter[str]) -> Iterator[_Read]:
                     f"{where}: {text[:60]!r} is no frame as `candump -L` writes it,"
                     " (1700000000.000000) can0 123#00"
                 )
+            if text and not raw.endswith(b"\n"):
+                raise _cut(where, text)
+
+
+def _cut(where: str, text: str) -> LogError:
+    """Say that the last line may be only the beginning of one, of other data."""
+    return LogError(
+        f"{where}: {text[:60]!r} has no end of line, so that the log may be cut within it; delete"
+        " the line, or end it"
+    )
 
 
 class _Lines(io.TextIOWrapper):
@@ -246,6 +256,8 @@ class _Lines(io.TextIOWrapper):
         line = super().__next__()
         self._number += 1
         if self._holds_frame(line.strip()):
+            if not line.endswith("\n"):
+                raise _cut(f"line {self._number}", line.strip())
             self._waiting.append((self._number, line.strip()))
         return line
 

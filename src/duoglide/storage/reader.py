@@ -19,6 +19,7 @@ from duoglide.storage.head import FORMAT, METADATA_NAME, checksum
 from duoglide.storage.records import (
     RECORDS,
     CycleRecord,
+    Document,
     EventRecord,
     LogKind,
     MotionRecord,
@@ -232,12 +233,23 @@ def _foreign(file: Path, found: Scan) -> str:
 def _missing(found: Scan) -> str:
     """Say what of a log is missing, in its own units; nothing if it is whole."""
     parts = []
-    if found.left_out:
+    told = _told_cycles(found) if found.closed else 0
+    lacking = max(told - found.counts[Topic.CYCLE], 0)  # at the end too, which no number tells
+    if lacking:
+        parts.append(f"{lacking} of {told} cycles have been filtered out or lost")
+    if found.left_out > lacking:
         whole = found.counts.total() + found.left_out
         parts.append(f"{found.left_out} of {whole} messages have been filtered out or lost")
     if not found.closed:
         parts.append(f"{_end(found)}: {_read(found)}; {_lost(found)}")
     return "; ".join(parts)
+
+
+def _told_cycles(found: Scan) -> int:
+    """Return how many cycles the run had, as its report says; 0 where there is none."""
+    report = found.documents.get(Document.REPORT)
+    told = report.get("cycles") if isinstance(report, dict) else None
+    return told if isinstance(told, int) else 0
 
 
 def _end(found: Scan) -> str:
@@ -256,6 +268,8 @@ def _lost(found: Scan) -> str:
     """Say what came after that, as far as the file says it."""
     beyond = found.beyond
     after = 1e-9 * max(beyond.until - (found.last or beyond.until), 0)
+    if beyond.messages is not None and not found.counts:
+        return f"{beyond.messages} messages are lost"
     if beyond.messages is not None:
         return f"{beyond.messages} messages of the {after:.3f} s after that are lost"
     if beyond.until > found.last > 0:

@@ -2,7 +2,7 @@
 
 | word | meaning here |
 |---|---|
-| G0, G1 | straight; the first one only says where the program starts, and needs X, Y and Z |
+| G0, G1 | straight; the first ones, up to X, Y and Z, only say where the program starts |
 | G2, G3 | arc or helix, clockwise or not: I, J, K from the start to the centre, or R |
 | G80 | no motion mode: coordinates are refused until the next of G0 to G3 |
 | G4 P or S | stand still, in seconds; for 0 s nothing happens |
@@ -10,6 +10,7 @@
 | G21, G90, G91 | millimetres, absolute, relative; G20 (inches) is refused |
 | G61, G61.1 | exact corners |
 | G64 P | corner tolerance P [mm]; without P that of the whole program, and the report says so |
+| G64 P Q | the same: within Q LinuxCNC would leave points out; here all are kept, and it is told |
 | F | cap on the tool's speed in G1, G2 and G3 [mm/min] |
 | M2, M30 | end of the program; what follows is not read |
 | M62, M64 P / M63, M65 P | output on / off; P counts 32 to a drive: P16 is bit 16 of axis 1 |
@@ -39,7 +40,7 @@ from duoglide.motion.path.path import Path
 from duoglide.motion.path.segments import COINCIDENT, Line, Point, as_point, distance
 from duoglide.planning.programs.gcode_arcs import PLANES, Turn, arc
 from duoglide.planning.programs.gcode_skip import read_block
-from duoglide.planning.programs.gcode_words import LINE_END, code_of
+from duoglide.planning.programs.gcode_words import LINE_END, Block, code_of
 from duoglide.planning.programs.notes import ProgramNotes, skip_hint
 from duoglide.planning.programs.path_builder import PathBuilder
 
@@ -67,6 +68,7 @@ class _Interpreter:
         notes: What may be skipped, and what is to be told.
         builder: The path so far.
         place: Where the program has got to [mm]; the path is there but for moves too short for one.
+        known: Which coordinates of the start have been given [mm].
         motion: Which of G0 to G3 is on, or G80; None before the first.
         plane: Plane of the arcs.
         relative: Whether coordinates are relative.
@@ -80,6 +82,7 @@ class _Interpreter:
     notes: ProgramNotes
     builder: PathBuilder = field(default_factory=PathBuilder)
     place: Point | None = None
+    known: dict[str, float] = field(default_factory=dict)
     motion: float | None = None
     plane: float = 17.0
     relative: bool = False
@@ -102,8 +105,7 @@ class _Interpreter:
         if not dwell and any(axis in words for axis in "XYZIJKR"):
             self._move(words)
         if words:
-            hint = skip_hint(words)
-            raise InputError(f"{', '.join(words)}: of no meaning in this line{hint}")
+            raise InputError(f"{', '.join(words)}: of no meaning in this line{_hint(words, block)}")
 
     def _set_modes(self, gs: list[float], words: dict[str, float]) -> bool:
         """Obey G words that change how others are read; tell whether one is a dwell."""
@@ -128,6 +130,8 @@ class _Interpreter:
         """Return the corner tolerance after G64 [mm]."""
         if "P" in words:
             tolerance = words.pop("P")
+            if words.pop("Q", None) is not None:
+                self.notes.remark(self.line, "G64 Q: no point is left out; P is the tolerance")
             if tolerance < 0.0:
                 raise InputError(f"G64 P{tolerance:g}: must be 0 mm or above")
             return tolerance
@@ -166,7 +170,7 @@ class _Interpreter:
         given = {axis: words.pop(axis) for axis in "XYZ" if axis in words}
         place = self.place
         if place is None:
-            self.place = self.builder.place = self._start(given)
+            self._begin(given)
             return
         base = place if self.relative else (0.0, 0.0, 0.0)
         x, y, z = (
@@ -199,15 +203,29 @@ class _Interpreter:
             )
         return seconds
 
-    def _start(self, given: Mapping[str, float]) -> Point:
-        """Take the first point as the start."""
-        missing = [axis for axis in "XYZ" if axis not in given]
-        if missing or self.relative or self.motion in (2.0, 3.0):
+    def _begin(self, given: Mapping[str, float]) -> None:
+        """Take coordinates of the start, which CAM systems give as X and Y first, and then Z."""
+        twice = self.known.keys() & given.keys()
+        if twice or not given or self.relative or self.motion in (2.0, 3.0):
             raise InputError(
-                "the first move says where the program starts: it must be G0 or G1, absolute, with"
-                " X, Y and Z"
+                "the first moves say where the program starts: they must be G0 or G1, absolute, and"
+                " give each of X, Y and Z once"
             )
-        return given["X"], given["Y"], given["Z"]
+        self.known |= given
+        if len(self.known) == len("XYZ"):
+            self.place = self.known["X"], self.known["Y"], self.known["Z"]
+            self.builder.place = self.place
+
+    def build(self) -> Path:
+        """Return the path.
+
+        Raises:
+            InputError: Nothing moves, or the start was never said.
+        """
+        if self.known and self.place is None:
+            missing = " and ".join(axis for axis in "XYZ" if axis not in self.known)
+            raise InputError(f"it does not say where it starts: there is no {missing}")
+        return self.builder.build()
 
 
 def read_gcode(text: str, tolerance: float = 0.0, notes: ProgramNotes | None = None) -> Path:
@@ -234,7 +252,7 @@ def read_gcode(text: str, tolerance: float = 0.0, notes: ProgramNotes | None = N
             raise InputError(f"line {number}: {error}") from error
         if frame.closed or interpreter.ended:
             break
-    return interpreter.builder.build()
+    return interpreter.build()
 
 
 @dataclass(slots=True)
@@ -276,6 +294,13 @@ class _Frame:
         if self.begun and not self.opened:
             self.stray = number
         return ""
+
+
+def _hint(words: Mapping[str, float], block: Block) -> str:
+    """Say how to go on from words of no meaning."""
+    if glued := [text.strip() for letter, text in block.glued.items() if letter in words]:
+        return f"; if {glued[0]} is an exponent, write the number in full"
+    return skip_hint(words)
 
 
 def _taken(words: dict[str, float], letter: str, rule: str) -> float:

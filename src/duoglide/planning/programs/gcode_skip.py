@@ -9,7 +9,8 @@ from duoglide.planning.programs.gcode_words import Block, words_of
 from duoglide.planning.programs.notes import ProgramNotes
 
 _PRINTERS = 200.0  # M words from here on are those of 3D printers only, X and all
-_TEXTS = re.compile(r"[Mm] *(0*(?:16|23|32|117|118|486)|0*862\.\d)(?![0-9.])")
+_TEXTS = re.compile(r"[Mm] *(0*(?:16|23|32|115|117|118|486)|0*862\.\d)(?![0-9.])")
+_FLAGS = re.compile(r"[Mm] *([0-9]{1,4}(?:\.[0-9])?)(?:[ \t]+[A-Za-z])+")  # M84 X Y E: no places
 _PLACES = "XYZIJKF"  # R alone is no arc: it needs an end
 
 
@@ -22,9 +23,9 @@ def read_block(code: str, notes: ProgramNotes) -> Block:
     Raises:
         InputError: Words that cannot be read, or of which nobody can say whose they are.
     """
-    text = _TEXTS.match(code)
+    text = _TEXTS.match(code) or _FLAGS.fullmatch(code)
     if text is not None and notes.skip(f"M{float(text[1]):g}"):
-        return Block()  # what follows is a text for a display, or the name of a file
+        return Block()  # what follows is a text for a display, the name of a file, or motors
     block = words_of(code)
     if not notes.names:
         return block

@@ -20,6 +20,13 @@ _NEVER = {
     60.0: "stops for a person",
     25.0: "stops for a person",
     226.0: "stops for a person",
+    291.0: "stops for a person",
+    601.0: "stops for a person",
+    808.0: "goes to another place of the program",
+    579.0: "changes units",
+    556.0: "offsets",
+    852.0: "offsets",
+    605.0: "moves",
     112.0: "is an emergency stop",
     72.0: "brings back other modes",
     97.0: "goes to another place of the program",
@@ -48,7 +55,18 @@ _NEVER = {
     851.0: "offsets",
 }
 _MEANINGS = {"unit", "units", "offset", "origin", "frame", "relative", "incremental", "scale"}
-_MEANINGS |= {"rotation", "rotate", "shift", "mirror", "inches", "feed", "wait", "move", "repeat"}
+_MEANINGS |= {
+    "rotation",
+    "rotate",
+    "shift",
+    "mirror",
+    "inch",
+    "inches",
+    "feed",
+    "wait",
+    "move",
+    "repeat",
+}
 
 
 @dataclass(slots=True)
@@ -113,7 +131,7 @@ def _name(given: object, keys: frozenset[str]) -> str:
     """Return a name as it is counted, or refuse it."""
     text = given.strip() if isinstance(given, str) else ""
     if _KEY.fullmatch(text) and not _WORD.fullmatch(text.upper()):
-        if text in keys or text in _MEANINGS:
+        if text in keys or not _MEANINGS.isdisjoint(re.split("[-_]", text)):
             raise _refused(text, "says where or how to move")
         return text
     text = text.upper()
