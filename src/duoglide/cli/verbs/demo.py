@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -106,7 +107,13 @@ def demo(
     require_log(files.plan, force=force)
     require_log(files.run, force=force)
     require_picture(files.picture)
-    trajectory = _plan(described)
+    try:
+        trajectory = _plan(described)
+    except BaseException:  # Ctrl-C as well: an empty folder would be all that is left of it
+        if out is None:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
     audit = trajectory.audit()
     trajectory.save(files.plan)
     tries = _Tries()

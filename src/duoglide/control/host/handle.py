@@ -182,6 +182,11 @@ class RunHandle:
             self._go_on()
 
     @property
+    def approaching(self) -> bool:
+        """Whether the run itself has yet to begin; path times are then along the approach."""
+        return self._plan.approach is not None and self._current != self._plan.prepared.number
+
+    @property
     def done(self) -> bool:
         """Whether there is nothing to wait for: the run is over, or ``wait`` will say why not."""
         return self._over.is_set() or self._monitor.failed
