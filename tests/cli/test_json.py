@@ -78,7 +78,11 @@ def test_verbs_that_move_drives_have_the_documented_keys(
     log = demo["files"]["log"]
     assert Path(log) == Path("run.mcap") and Path(log).exists()
     assert set(answer(["replay", log, "--approach"], capsys)) == keys["replay"]
-    assert set(answer(["log", log, "--compare", log], capsys)) == set(demo["replay"])
+    compared = answer(["log", log, "--compare", log], capsys)
+    assert compared.pop("files") == {}
+    assert set(compared) == set(demo["replay"])
+    exported = answer(["log", log, "--csv", "run.csv", "--picture", "run.png"], capsys)
+    assert exported["files"] == {"csv": "run.csv", "picture": "run.png"}
 
 
 @pytest.mark.parametrize(

@@ -442,3 +442,31 @@ def test_the_package_is_a_command_too() -> None:
         [sys.executable, "-m", "duoglide", "--version"], capture_output=True, text=True, check=True
     )
     assert done.stdout == f"duoglide {dg.__version__}\n"
+
+
+def test_a_demo_that_is_interrupted_while_it_plans_leaves_no_empty_folder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("duoglide.cli.verbs.demo._plan", interrupt)
+    before = set(Path.cwd().iterdir())
+    assert run(["demo"]) == 130
+    assert set(Path.cwd().iterdir()) == before
+    (tmp_path / "mine").mkdir()
+    assert run(["demo", "--out", str(tmp_path / "mine")]) == 130
+    assert (tmp_path / "mine").is_dir(), "a folder that was there stays"
+    assert capsys.readouterr().err.count("interrupted") == 2
+
+
+def test_a_program_that_is_not_there_is_named_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", "none.toml"]) == 1
+    said = capsys.readouterr().err
+    assert said == "duoglide: cannot read program none.toml: No such file or directory\n"
+
+
+def test_usage_has_no_brackets_twice(capsys: pytest.CaptureFixture[str]) -> None:
+    for verb in ("plan", "check"):
+        assert run([verb, "--help"]) == 0
+        assert "[[" not in capsys.readouterr().out

@@ -48,8 +48,9 @@ def test_the_helps_examples_stream_a_plan_replay_it_and_compare(
 ) -> None:
     monkeypatch.chdir(folder)
     assert run([*examples["stream"][0], "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
-    assert report["completed"]
+    said = capsys.readouterr()
+    assert json.loads(said.out)["completed"]
+    assert "approaching" in said.err
     assert run(examples["replay"][0]) == 0
     assert "cycles in" in capsys.readouterr().out
     summary, exports, picture, comparison = examples["log"]

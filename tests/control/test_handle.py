@@ -61,6 +61,20 @@ def test_a_streamer_that_hangs_is_given_up_long_before_one_that_starts(
         assert time.monotonic() - begin < 5.0
 
 
+def test_a_run_says_whether_it_still_approaches(trajectory: dg.Trajectory) -> None:
+    line = dg.Path.line((-41.0, 5.0, 302.0), (-41.0, 10.0, 302.0))
+    away = dg.plan(trajectory.machine, line, brake_safe=False)
+    with dg.Robot.connect(trajectory.machine) as robot:
+        robot.enable()
+        robot.home()
+        handle = robot.start(away, approach=True)
+        before = handle.approaching
+        assert handle.wait().completed
+        assert (before, handle.approaching) == (True, False)
+        robot.park()
+        assert not robot.start(trajectory, approach=True).approaching, "it is there already"
+
+
 def test_a_robot_that_has_been_closed_says_so_whatever_it_is_asked_for(
     trajectory: dg.Trajectory,
 ) -> None:

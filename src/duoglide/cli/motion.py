@@ -33,9 +33,10 @@ def run_with_progress(
     handle = robot.start(trajectory, log=log, approach=approach, override=override)
     try:
         with stop_on_interrupt(handle):
-            with progress("streaming", trajectory.duration) as done:
+            first = "approaching" if handle.approaching else ""
+            with progress("streaming", trajectory.duration, first) as done:
                 while not handle.done:
-                    done(handle.status.path_time)
+                    done(0.0 if handle.approaching else handle.status.path_time)
                     time.sleep(_LOOK)
             report = handle.wait()
     except KeyboardInterrupt as interrupt:

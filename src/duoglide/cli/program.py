@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Program: TypeAlias = Annotated[
     Path | None,
-    typer.Argument(metavar="[PROGRAM]", help="A program: TOML, CSV or G-code."),
+    typer.Argument(metavar="PROGRAM", help="A program: TOML, CSV or G-code."),
 ]
 Pick: TypeAlias = Annotated[
     str | None,

@@ -80,7 +80,9 @@ def log(
 
     with working("opening"):
         opened = read_log(file)
-    exports = _exports({"csv": csv, "parquet": parquet, "candump": candump, "foxglove": foxglove})
+    goals = {"csv": csv, "parquet": parquet, "candump": candump, "foxglove": foxglove}
+    written = {k: str(goal) for k, goal in {**goals, "picture": picture}.items() if goal}
+    exports = _exports(goals)
     for name, goal, write in exports:
         with working(f"writing {goal}"):
             count = write(opened, goal)
@@ -92,9 +94,9 @@ def log(
         if not as_json:
             say(f"picture: {picture}")
     if other is not None:
-        _compare(opened, other, as_json)
+        _compare(opened, other, written if as_json else None)
     elif as_json or not exports:
-        _summarise(opened, as_json)
+        _summarise(opened, written if as_json else None)
 
 
 def _draw(opened: Log, picture: Path) -> None:
@@ -134,14 +136,15 @@ def _with_goal(writer: tuple[str, Callable[[Log, Path], int]], goal: Path) -> Wr
     return counted, goal, write
 
 
-def _summarise(opened: Log, as_json: bool) -> None:
+def _summarise(opened: Log, written: dict[str, str] | None) -> None:
+    """Say what a log holds; as JSON, with the files that were written, where these are given."""
     from duoglide.playback.summary import summarise
 
     with working("reading"):
         summary = summarise(opened)
         numbers, facts = _planned(opened)
-    if as_json:
-        say_json("log", {**summary.to_dict(), **numbers})
+    if written is not None:
+        say_json("log", {**summary.to_dict(), **numbers, "files": written})
         return
     say(f"{summary.file}: a {summary.kind}, recorded {summary.recorded}")
     say_facts(_facts(summary) + facts)
@@ -191,14 +194,15 @@ def _run_facts(run: RunSummary) -> list[tuple[str, str]]:
     return rows
 
 
-def _compare(opened: Log, other: Path, as_json: bool) -> None:
+def _compare(opened: Log, other: Path, written: dict[str, str] | None) -> None:
+    """Hold two runs against each other; as JSON, as ``_summarise``."""
     from duoglide.playback.compare import compare
     from duoglide.storage import read_log
 
     with working("comparing"):
         result = compare(opened, read_log(other))
-    if as_json:
-        say_json("log", result.to_dict())
+    if written is not None:
+        say_json("log", {**result.to_dict(), "files": written})
         return
     say(f"{opened.path} and {other}: {_verdict(result)}")
     say_facts(

@@ -37,7 +37,7 @@ A plan or a run that is there already is kept unless --force is given.
 _EXAMPLE = """\
 Examples:
 
-duoglide plan --pick -41,-152.5,295 --place -41,152.5,295 --lift 25 --out plan.mcap
+duoglide plan --pick -41,-152.5,295 --place -41,152.5,295 --lift 25
 
 duoglide plan --point -41,-50,295 --point -41,50,320 --out line.mcap
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _SETTLING_CYCLES = 10  # recorded after the end, so that the log shows the carriages arrive
 _SETTLING_PATIENCE = 2.0  # [s]
+_AT_REST = (RunState.NONE, RunState.STOPPED, RunState.FINISHED)
 STOP_PATIENCE = 10.0  # [s] for a stop on the path, at any override
 
 
@@ -181,6 +182,11 @@ class RunHandle:
             self._go_on()
 
     @property
+    def approaching(self) -> bool:
+        """Whether the run itself has yet to begin; path times are then along the approach."""
+        return self._plan.approach is not None and self._current != self._plan.prepared.number
+
+    @property
     def done(self) -> bool:
         """Whether there is nothing to wait for: the run is over, or ``wait`` will say why not."""
         return self._over.is_set() or self._monitor.failed
@@ -253,16 +259,21 @@ class RunHandle:
         path = self._log.path if self._log else None
         plan = self._plan
         self._report = self._tally.report(plan.scales, plan.limit_use, dropped, path)
-        if self._log is not None:
-            self._log.add_report(self._report)
-        self._resources.close()
+        with self._resources:  # a log that cannot take the report is closed all the same
+            if self._log is not None:
+                self._log.add_report(self._report)
         return self._report
 
     def _abandon(self) -> None:
-        """Stop what can be stopped and keep what has been logged."""
-        if self._process.alive:
-            self._process.order(Command.STOP)
+        """Stop what can be stopped, wait until it stands, and keep what has been logged."""
         self._monitor.detach()
+        with suppress(DuoglideError):  # the streamer may be gone, and its watchdogs stop the drives
+            self._process.order(Command.STOP)
+            last = self._monitor.latest
+            obeyed = (last.cycle if last else 0) + _SETTLING_CYCLES
+            self._monitor.wait_for(
+                lambda entry: entry.cycle >= obeyed and entry.state in _AT_REST, STOP_PATIENCE
+            )
         self._over.set()
         self._resources.close()
 

@@ -44,7 +44,7 @@ class Monitor:
         self._events: list[EventEntry] = []
         self._listeners: tuple[Listener, ...] = ()
         self._failure: DuoglideError | None = None
-        self._gone: BusError | None = None
+        self._gone: DuoglideError | None = None
         self._closing = False
         self._thread = threading.Thread(target=self._read, name="duoglide-monitor", daemon=True)
         self._thread.start()
@@ -125,6 +125,16 @@ class Monitor:
         return True
 
     def _read(self) -> None:
+        """Read until the end; what goes wrong here is said to whoever waits, for nobody else is."""
+        try:
+            self._watch()
+        except Exception as error:  # whatever it is: a host that waits for a dead thread never ends
+            with self._news:
+                self._gone = DuoglideError(f"the records cannot be read on: {_words(error)}")
+                self._gone.__cause__ = error
+                self._news.notify_all()
+
+    def _watch(self) -> None:
         heard = next_look = time.monotonic()
         while not self._closing:
             time.sleep(_PERIOD)
@@ -173,3 +183,11 @@ class Monitor:
                     listener.add_event(entry)
         except DuoglideError as error:
             self._failure, self._listeners = error, ()
+        except Exception as error:  # of whatever kind: the run is stopped, and the others read on
+            name = type(listener).__name__
+            self._failure = DuoglideError(f"{name} could not take a record: {_words(error)}")
+            self._failure.__cause__, self._listeners = error, ()
+
+
+def _words(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -129,7 +129,8 @@ def read_with_notes(
     try:
         text = decoded(path.read_bytes(), comments_in_any=suffix != ".toml")
     except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
-        raise InputError(f"cannot read program {path}: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot read program {path}: {why}") from error
     try:
         read = _READERS[suffix](text, tolerance, notes)
     except InputError as error:

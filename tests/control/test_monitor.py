@@ -1,0 +1,91 @@
+"""What the host's reader says of its listeners and of itself: nobody waits for a dead thread."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import duoglide as dg
+from duoglide.control.channel.ring import CycleEntry, EventEntry, Ring
+from duoglide.control.host.monitor import Monitor
+from duoglide.control.host.report import Tally
+from duoglide.storage import Topic, read_log
+
+PATIENCE = 20.0  # [s]; what is wrong is said at once
+SLOW = dg.CarriageLimits(velocity=100.0, acceleration=2e3, jerk=2e4)
+
+
+@pytest.fixture
+def process() -> Iterator[Any]:
+    descriptor = Ring.allocate()
+    ring = Ring(descriptor)
+    os.close(descriptor)
+    yield SimpleNamespace(ring=ring, alive=True, pid=1)
+    ring.close()
+
+
+class Broken:
+    """A listener with a mistake in it."""
+
+    def add_cycle(self, entry: CycleEntry) -> None:
+        """Take no cycle."""
+
+    def add_event(self, event: EventEntry) -> None:
+        """Fail as a mistake in a program does."""
+        raise KeyError("no such kind")
+
+
+def test_a_listener_that_fails_in_any_way_is_named_to_whoever_waits(process: Any) -> None:
+    monitor = Monitor(process)
+    monitor.attach(Broken())
+    process.ring.put_event(EventEntry(1, 0, 9, 0, 0, 0, 0.0))
+    with pytest.raises(dg.DuoglideError, match="Broken could not take a record: KeyError") as told:
+        monitor.wait_until(lambda: False, PATIENCE)
+    assert isinstance(told.value.__cause__, KeyError)
+    assert monitor.failed
+    monitor.detach()
+    process.ring.put_event(EventEntry(2, 0, 9, 0, 0, 0, 0.0))
+    assert monitor.wait_until(lambda: monitor.mark == 2, PATIENCE), "it reads on"
+    monitor.close()
+
+
+def test_a_reader_that_cannot_go_on_says_so(process: Any) -> None:
+    def drain() -> Iterator[EventEntry]:
+        raise ValueError("a record of a kind that nobody has written")
+
+    process.ring.drain = drain
+    monitor = Monitor(process)
+    with pytest.raises(dg.DuoglideError, match="cannot be read on: ValueError: a record"):
+        monitor.wait_until(lambda: False, PATIENCE)
+    assert monitor.failed
+    monitor.close()
+
+
+def test_a_run_whose_host_makes_a_mistake_is_stopped_and_its_log_opens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count, machine = Tally.add_cycle, dg.Machine(limits=SLOW)
+
+    def fail(tally: Tally, entry: CycleEntry) -> None:
+        count(tally, entry)
+        if tally.path_time > 0.2:
+            raise ZeroDivisionError("a mistake")
+
+    path = dg.Path.line((-41.0, 0.0, 302.0), (-41.0, 100.0, 302.0))
+    trajectory = dg.plan(machine, path)
+    with dg.Robot.connect(machine) as robot:
+        robot.enable()
+        robot.home()
+        with monkeypatch.context() as patch:
+            patch.setattr(Tally, "add_cycle", fail)
+            handle = robot.start(trajectory, log=tmp_path / "run.mcap", approach=True)
+            with pytest.raises(dg.DuoglideError, match=r"Tally could not .* ZeroDivisionError"):
+                handle.wait(PATIENCE)
+        assert robot.park().completed, "the machine is there for the next run"
+    cycles = list(read_log(tmp_path / "run.mcap").records(Topic.CYCLE))
+    assert 0.2 <= cycles[-1][1].path_time < trajectory.duration
