@@ -30,8 +30,10 @@ def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int 
     assert run(arguments) == code
     captured = capsys.readouterr()
     lines = captured.err.strip().splitlines()
+    lines = [line for line in lines if line != "compiling kernels (once)"]  # an empty cache
     assert 1 <= len(lines) <= 3, captured.err
-    assert all(len(line) <= 80 for line in lines), captured.err
+    fits = [len(line) <= 80 or len(line.split()) == 1 for line in lines]  # a path is not cut
+    assert all(fits), captured.err
     assert lines[0].startswith("duoglide: ")
     assert "Traceback" not in captured.out + captured.err
     return " ".join(line.strip() for line in lines)
@@ -225,6 +227,7 @@ def test_a_missing_extra_is_named(
 def test_a_page_that_cannot_be_served_is_refused_before_anything_gets_power(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    pytest.importorskip("viser")
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         line = refused(["stream", "plan.mcap", "--view", port], capsys)
