@@ -39,6 +39,17 @@ def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int 
     return " ".join(line.strip() for line in lines)
 
 
+@pytest.mark.parametrize("suffix", [".mf4", ".csv", ".db"])
+def test_a_log_of_another_kind_hears_which_kinds_are_read(
+    suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"x{suffix}"
+    file.write_text("MDF     4.10")
+    words = refused(["replay", file.name], capsys)
+    assert "is not a log" in words
+    assert "raw frames are read from .log, .asc, .blf, .trc" in words
+
+
 def test_every_verb_has_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     for verb in VERBS:
         assert run([verb, "--help"]) == 0

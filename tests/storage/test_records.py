@@ -15,15 +15,14 @@ from duoglide.storage import (
 )
 from duoglide.storage.schemas import schema_name, schema_of
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
 increments = st.integers(-(2**31), 2**31 - 1)
 words = st.integers(0, 0xFFFF)
 cycle_records = st.builds(
     CycleRecord,
     cycle=st.integers(0, 2**40),
     phase=st.sampled_from(Phase),
-    path_time=finite,
-    rate=finite,
+    path_time=st.floats(0.0, 1e9),
+    rate=st.floats(0.0, 1.0),
     setpoint=st.tuples(increments, increments, increments),
     actual=st.tuples(increments, increments, increments),
     controlword=st.tuples(words, words, words),

@@ -16,6 +16,8 @@ from typing import Any, ClassVar, Protocol, Self, TypeAlias
 _INT31 = 2**31 - 1
 _INT63 = 2**63 - 1
 _WORD = 0xFFFF
+_NEARLY = 1e-3  # by which a clock that comes to its end may be beyond it
+_LONGEST = 1e9  # [s]; no run takes thirty years
 _NUMBERS = frozenset((int, float))  # and no bool, which is an int to Python
 
 Triple: TypeAlias = tuple[float, float, float]
@@ -153,8 +155,8 @@ class CycleRecord:
         return cls(
             cycle=_whole(fields, "cycle", 0, _INT63),
             phase=Phase(_whole(fields, "phase", 0, max(Phase))),
-            path_time=_real(fields, "path_time"),
-            rate=_real(fields, "rate"),
+            path_time=_real(fields, "path_time", -_NEARLY, _LONGEST),
+            rate=_real(fields, "rate", -_NEARLY, 1.0 + _NEARLY),
             setpoint=_wholes(fields, "setpoint", -_INT31 - 1, _INT31),
             actual=_wholes(fields, "actual", -_INT31 - 1, _INT31),
             controlword=_wholes(fields, "controlword", 0, _WORD),
@@ -236,7 +238,7 @@ class MotionRecord:
     def from_json(cls, fields: Mapping[str, Any]) -> Self:
         """Build the record from its decoded JSON object."""
         return cls(
-            path_time=_real(fields, "path_time"),
+            path_time=_real(fields, "path_time", -_NEARLY, _LONGEST),
             position=_reals(fields, "position"),
             carriages=_reals(fields, "carriages"),
             velocity=_reals(fields, "velocity"),
@@ -265,12 +267,12 @@ def _whole(fields: Mapping[str, Any], name: str, low: int, high: int) -> int:
     raise ValueError(f"{name} = {value!r:.60}: must be a whole number from {low} to {high}")
 
 
-def _real(fields: Mapping[str, Any], name: str) -> float:
-    """Return a finite number."""
+def _real(fields: Mapping[str, Any], name: str, low: float, high: float) -> float:
+    """Return a number within its range."""
     value = fields[name]
-    if type(value) in _NUMBERS and isfinite(value):
+    if type(value) in _NUMBERS and low <= value <= high:
         return float(value)
-    raise ValueError(f"{name} = {value!r:.60}: must be a finite number")
+    raise ValueError(f"{name} = {value!r:.60}: must be a finite number, from {low:g} to {high:g}")
 
 
 def _wholes(fields: Mapping[str, Any], name: str, low: int, high: int) -> IntTriple:

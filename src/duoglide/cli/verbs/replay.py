@@ -19,7 +19,7 @@ from duoglide.cli.options import (
 )
 from duoglide.cli.outputs import Force, require_log
 from duoglide.cli.powered import View, page_beside, require_page, under_power
-from duoglide.errors import InputError
+from duoglide.errors import InputError, LogError
 
 _HELP = """\
 Check a recorded run against the machine again, and stream it again: the same setpoints.
@@ -90,8 +90,13 @@ def replay(
     from duoglide.playback.replay import prepare
 
     described = load_machine(machine) if machine is not None else None
-    with working("checking"):
-        again = prepare(run, described, log=log, approach=approach, override=factor)
+    try:
+        with working("checking"):
+            again = prepare(run, described, log=log, approach=approach, override=factor)
+    except LogError as error:
+        if run.suffix.lower() in ("", ".mcap") or not run.is_file():
+            raise
+        raise LogError(f"{error}; raw frames are read from {', '.join(SUFFIXES)}") from error
     with under_power(again.machine, bus) as robot, page_beside(robot, run, view):
         report = run_with_progress(
             robot, again.trajectory, log=log, approach=again.approach, override=1.0
