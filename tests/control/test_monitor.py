@@ -1,8 +1,10 @@
-"""What the host's reader says of its listeners and of itself: nobody waits for a dead thread."""
+"""What threads of host and streamer say when they fail: nobody waits for a dead thread."""
 
 from __future__ import annotations
 
 import os
+import socket
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,9 +13,11 @@ from typing import Any
 import pytest
 
 import duoglide as dg
+from duoglide.control.channel.orders import pack_object, receive_object
 from duoglide.control.channel.ring import CycleEntry, EventEntry, Ring
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.report import Tally
+from duoglide.control.streamer.__main__ import receive_setpoints
 from duoglide.storage import Topic, read_log
 
 PATIENCE = 20.0  # [s]; what is wrong is said at once
@@ -89,3 +93,21 @@ def test_a_run_whose_host_makes_a_mistake_is_stopped_and_its_log_opens(
         assert robot.park().completed, "the machine is there for the next run"
     cycles = list(read_log(tmp_path / "run.mcap").records(Topic.CYCLE))
     assert 0.2 <= cycles[-1][1].path_time < trajectory.duration
+
+
+def test_setpoints_that_the_streamer_cannot_take_over_are_answered_and_the_next_are_taken() -> None:
+    ours, theirs = socket.socketpair()
+    ours.settimeout(PATIENCE)
+    reader = threading.Thread(target=receive_setpoints, args=(theirs, None), daemon=True)
+    reader.start()
+    broken = b"no pickle at all"
+    packed = pack_object(broken)
+    ours.sendall(packed.replace(packed[8:], broken.ljust(len(packed) - 8)))
+    ours.sendall(pack_object("no setpoints"))
+    refused, taken = receive_object(ours), receive_object(ours)
+    ours.close()
+    reader.join(PATIENCE)
+    theirs.close()
+    assert isinstance(refused, dg.DuoglideError)
+    assert "cannot take the setpoints over: UnpicklingError" in str(refused)
+    assert taken is None

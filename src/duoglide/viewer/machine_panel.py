@@ -222,7 +222,9 @@ class MachinePanel:
                     self._follow_override(status.override)
                 if robot.homed:
                     self._pose.follow(robot.position)
-            except DuoglideError as error:
+            except (
+                Exception
+            ) as error:  # whatever it is: a page must not show the past as the present
                 self._state.content = f"**{type(error).__name__}.** {error}"
 
     def _follow_override(self, override: float) -> None:

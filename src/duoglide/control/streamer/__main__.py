@@ -22,7 +22,7 @@ from duoglide.control.streamer.cycle import Streamer
 from duoglide.control.streamer.link import BusLink
 from duoglide.control.streamer.realtime import become_helper, become_realtime
 from duoglide.drives.buses import open_bus
-from duoglide.errors import BusError
+from duoglide.errors import BusError, DuoglideError
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.trajectory import Trajectory
 
@@ -86,18 +86,28 @@ class SocketInbox:
 
 
 def receive_setpoints(bulk: socket.socket, inbox: SocketInbox) -> None:
-    """Read setpoints until the host closes its end; a thread does this, in the cycle's pauses."""
+    """Read setpoints until the host closes its end; a thread does this, in the cycle's pauses.
+
+    What goes wrong with them is answered, whatever it is: the host would wait for a dead thread.
+    """
     become_helper()
     while True:
         try:
-            prepared = receive_object(bulk)
+            _keep(receive_object(bulk), inbox)
         except (EOFError, OSError):
             return
-        if isinstance(prepared, PreparedSetpoints):
-            prepared.at(prepared.trajectory.duration)  # whatever loads late loads here
-            inbox.keep(prepared)
-            gc.freeze()
-        _answer(bulk, None)
+        except Exception as error:
+            why = f"{type(error).__name__}: {error}"
+            _answer(bulk, DuoglideError(f"the streamer cannot take the setpoints over: {why}"))
+        else:
+            _answer(bulk, None)
+
+
+def _keep(received: object, inbox: SocketInbox) -> None:
+    if isinstance(received, PreparedSetpoints):
+        received.at(received.trajectory.duration)  # whatever loads late loads here
+        inbox.keep(received)
+        gc.freeze()
 
 
 def _answer(bulk: socket.socket, thing: object) -> None:
