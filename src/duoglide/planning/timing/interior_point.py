@@ -30,6 +30,8 @@ _HUGE = 1e20
 _SHORT = 0.2  # a step that goes less far than this
 _CENTRE = 0.5  # of the gap, to aim at then
 _FIRST_GAP = 0.1  # of the cost
+_ROUGH = 3e-3  # a tolerance from which on the first gap is another one
+_ROUGH_GAP = 0.5  # what is at a bound at first leaves it sooner, yet the last digits scatter more
 _BACK_COST = 0.9  # how far to go toward an infinite cost
 _FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 1e-8
 _STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1e-2 here
@@ -241,14 +243,14 @@ def excess(system: Any, x: FloatArray) -> float:
     return float((product[above] / bounds[above]).max(initial=0.0))
 
 
-def _begin(system: Any, goal: Any, iterate: Any, least: float) -> None:
-    """Choose slacks, which are ``least`` or more, and multipliers to begin with."""
+def _begin(system: Any, goal: Any, iterate: Any, least: float, share: float) -> None:
+    """Choose slacks, ``least`` or more, and multipliers: the gap is a share of the cost."""
     _x, value, gx, state = iterate
     _evaluate(system, goal, iterate)
     with np.errstate(divide="ignore", invalid="ignore"):  # then it does not converge
         cost = (goal[3] / np.sqrt(value)).sum()
     np.maximum(system[2] - gx, least, out=state[1])
-    np.divide(_FIRST_GAP * cost / gx.size, state[1], out=state[2])
+    np.divide(share * cost / gx.size, state[1], out=state[2])
 
 
 def solve(
@@ -271,7 +273,8 @@ def solve(
     iterate = (x, np.empty(goal[3].size), np.empty(m), state)
     newton = (np.empty((WIDTH, n)), np.empty(n), np.empty(n))
     dual = np.empty(n)
-    _begin(system, goal, iterate, least)
+    share = _ROUGH_GAP if tolerance >= _ROUGH else _FIRST_GAP
+    _begin(system, goal, iterate, least, share)
     for step in range(MAX_STEPS):
         now, gap, slope, primal = assemble(system, goal, iterate, newton, dual)
         if gap <= tolerance * now and slope <= _STATIONARY * now and primal <= _FEASIBLE:
