@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.arrays import FloatArray
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.rounding.blend import Blend
 from duoglide.planning.rounding.choice import choose_blends
+from duoglide.planning.timing import interior_point
 
 PICK, PLACE = (-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0)
 
@@ -53,3 +57,22 @@ def test_neighbouring_blends_share_their_segment(machine: dg.Machine) -> None:
         assert isinstance(other, Blend)
         assert one.after + other.before <= lengths[k + 1] + 1e-12
     dg.check_path(machine, path)
+
+
+def test_every_estimate_of_a_choice_converges_at_once_and_soon(
+    machine: dg.Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = interior_point.solve
+    steps: list[int] = []
+
+    def watched(rows: Any, goal: Any, x: FloatArray, *how: float) -> tuple[int, bool]:
+        count, converged = solve(rows, goal, x, *how)
+        assert converged
+        steps.append(count)
+        return count, converged
+
+    monkeypatch.setattr(interior_point, "solve", watched)
+    for y in (40.0, 100.0, 140.0):
+        choose_blends(machine, dg.pick_and_place((-80, -y, 290), (20, 0.6 * y, 290), lift=25))
+    assert np.mean(steps) < 10.0
+    assert max(steps) < 30  # 45 where one place within its limits slows all of a beginning

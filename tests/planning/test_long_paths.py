@@ -36,8 +36,8 @@ def _watched(monkeypatch: pytest.MonkeyPatch, fail_every: int = 0) -> list[tuple
     solves: list[tuple[int, int]] = []
     solve = _interior_point.solve
 
-    def watched(rows: Any, goal: Any, x: np.ndarray[Any, Any], tolerance: float) -> Any:
-        steps, converged = solve(rows, goal, x, tolerance)
+    def watched(rows: Any, goal: Any, x: np.ndarray[Any, Any], *how: float) -> Any:
+        steps, converged = solve(rows, goal, x, *how)
         solves.append((x.size // 2 - 1, steps))
         if fail_every and len(solves) % fail_every == 0:
             x[:] = np.nan

@@ -29,9 +29,9 @@ def _failing(monkeypatch: pytest.MonkeyPatch, after: int) -> list[bool]:
     failed: list[bool] = []
     solve = _interior_point.solve
 
-    def watched(rows: Any, goal: Any, x: np.ndarray[Any, Any], tolerance: float) -> Any:
+    def watched(rows: Any, goal: Any, x: np.ndarray[Any, Any], *how: float) -> Any:
         failed.append(len(failed) >= after)
-        steps, converged = solve(rows, goal, x, tolerance)
+        steps, converged = solve(rows, goal, x, *how)
         return steps, converged and not failed[-1]
 
     monkeypatch.setattr(_interior_point, "solve", watched)

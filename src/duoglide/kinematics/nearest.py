@@ -21,6 +21,7 @@ from duoglide.kinematics._nearest_pose import SURFACES
 from duoglide.machine import Geometry
 
 BLOCK = 4096  # poses at a time, to bound the memory
+_SIDES = np.array([[-1.0], [0.0], [1.0]])  # lower edge of the legs' reach, legs flat, upper edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,39 +87,34 @@ def _nearest(
     rise = Z - (g.riser_height + g.arm_drop - g.strut_drop)
     radius = np.hypot(X, Z)
     safe = np.where(radius > 0.0, radius, 1.0)
-    found = [
-        (np.maximum(l6 - np.abs(u), 0.0), -np.copysign(1.0, u), np.zeros_like(u)),
-        (np.maximum(l9 - radius, 0.0), np.where(radius > 0.0, -X / safe, 1.0), -Z / safe),
-    ]
-    found += [_half_circle(u, rise - side * l2, l6, v, side) for side in (-1, 0, 1)]
-    best = np.min([entry[0] for entry in found], axis=0)
-    found.append(curve.nearest(X, Z, np.minimum(best, within)))
-    table = np.array(found)  # (surface, quantity, pose)
+    table = np.empty((len(SURFACES), 3, X.size))  # distance and direction away
+    table[0] = np.maximum(l6 - np.abs(u), 0.0), -np.copysign(1.0, u), np.zeros_like(u)
+    away_x = np.where(radius > 0.0, -X / safe, 1.0)
+    table[1] = np.maximum(l9 - radius, 0.0), away_x, -Z / safe
+    _half_circles(u, rise - _SIDES * l2, l6, v, table[2:5])
+    best = table[:5, 0].min(axis=0)
+    table[5] = curve.nearest(X, Z, np.minimum(best, within))
     first = table[:, 0].argmin(axis=0)
     return table[first, :, np.arange(X.size)], first
 
 
-def _half_circle(
-    u: FloatArray, w: FloatArray, l6: float, v: int, side: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Measure the distance to the half of a circle where w has the sign v.
+def _half_circles(u: FloatArray, w: FloatArray, l6: float, v: int, out: FloatArray) -> None:
+    """Measure the distance to the halves of three circles where w has the sign v.
 
-    Where the nearest point of the circle is on its other half, the ends of this half are farther
-    than the line of the flat arm that they stand on: infinite here.
+    They are the lower edge of the legs' reach, legs flat, and the upper edge. Where the nearest
+    point of a circle is on its other half, the ends of this half are farther than the line of the
+    flat arm that they stand on: infinite here.
 
     Args:
-        u: Coordinate along x from the circle's centre, shape (n,).
-        w: Coordinate along z from it.
-        l6: Its radius.
-        v: Sign of w on the half that counts.
-        side: -1 for the lower edge of the legs' reach, +1 for the upper, 0 for legs flat.
-
-    Returns:
-        Distance, and the direction away.
+        u: Coordinate along x from the circles' centres, shape (n,).
+        w: Coordinate along z from each, (3, n).
+        l6: Their radius.
+        v: Sign of w on the halves that count.
+        out: Where to write distance and direction away, (3, 3, n).
     """
     radius = np.hypot(u, w)
-    outward = np.sign(radius - l6) if side == 0 else np.full_like(u, -side * v)
+    outward = np.where(_SIDES == 0.0, np.sign(radius - l6), -v * _SIDES)
     outward = np.where(outward == 0.0, 1.0, outward)
-    distance = np.where(v * w >= 0.0, np.abs(radius - l6), np.inf)
     safe = np.where(radius > 0.0, radius, 1.0)
-    return distance, outward * u / safe, outward * w / safe
+    out[:, 0] = np.where(v * w >= 0.0, np.abs(radius - l6), np.inf)
+    out[:, 1], out[:, 2] = outward * u / safe, outward * w / safe

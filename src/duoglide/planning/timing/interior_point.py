@@ -24,12 +24,14 @@ from duoglide.kinematics.compiled import compiled, inlined
 MAX_STEPS = 80
 WIDTH = 4  # consecutive unknowns that a row touches
 _BACK = 0.995  # how far to go toward the nearest bound
-_LEAST_SLACK = 1e-3
+LEAST_SLACK = 1e-3  # to begin with, where few rows are exceeded and by little
 _EATEN = 1e-14  # of the diagonal
 _HUGE = 1e20
 _SHORT = 0.2  # a step that goes less far than this
 _CENTRE = 0.5  # of the gap, to aim at then
 _FIRST_GAP = 0.1  # of the cost
+_ROUGH = 3e-3  # a tolerance from which on the first gap is another one
+_ROUGH_GAP = 0.5  # what is at a bound at first leaves it sooner, yet the last digits scatter more
 _BACK_COST = 0.9  # how far to go toward an infinite cost
 _FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 1e-8
 _STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1e-2 here
@@ -241,17 +243,19 @@ def excess(system: Any, x: FloatArray) -> float:
     return float((product[above] / bounds[above]).max(initial=0.0))
 
 
-def _begin(system: Any, goal: Any, iterate: Any) -> None:
-    """Choose slacks and multipliers to begin with."""
+def _begin(system: Any, goal: Any, iterate: Any, least: float, share: float) -> None:
+    """Choose slacks, ``least`` or more, and multipliers: the gap is a share of the cost."""
     _x, value, gx, state = iterate
     _evaluate(system, goal, iterate)
     with np.errstate(divide="ignore", invalid="ignore"):  # then it does not converge
         cost = (goal[3] / np.sqrt(value)).sum()
-    np.maximum(system[2] - gx, _LEAST_SLACK, out=state[1])
-    np.divide(_FIRST_GAP * cost / gx.size, state[1], out=state[2])
+    np.maximum(system[2] - gx, least, out=state[1])
+    np.divide(share * cost / gx.size, state[1], out=state[2])
 
 
-def solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> tuple[int, bool]:
+def solve(
+    system: Any, goal: Any, x: FloatArray, tolerance: float, least: float = LEAST_SLACK
+) -> tuple[int, bool]:
     """Solve in place.
 
     Args:
@@ -259,6 +263,7 @@ def solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> tuple[int,
         goal: First unknown of each point (p,), the points (p, 4), offsets (p,), weights (p,).
         x: Where to begin, (n,); need not be feasible, but must have a finite cost. The solution.
         tolerance: Of the cost, relative.
+        least: Slack to begin with in rows that have less, or are exceeded.
 
     Returns:
         Number of steps, and whether the tolerance was reached.
@@ -268,7 +273,8 @@ def solve(system: Any, goal: Any, x: FloatArray, tolerance: float) -> tuple[int,
     iterate = (x, np.empty(goal[3].size), np.empty(m), state)
     newton = (np.empty((WIDTH, n)), np.empty(n), np.empty(n))
     dual = np.empty(n)
-    _begin(system, goal, iterate)
+    share = _ROUGH_GAP if tolerance >= _ROUGH else _FIRST_GAP
+    _begin(system, goal, iterate, least, share)
     for step in range(MAX_STEPS):
         now, gap, slope, primal = assemble(system, goal, iterate, newton, dual)
         if gap <= tolerance * now and slope <= _STATIONARY * now and primal <= _FEASIBLE:

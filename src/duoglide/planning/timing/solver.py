@@ -27,6 +27,9 @@ LONG = 480  # cells, from which on a problem is cut into windows
 _SHRINKS = (0.95, 0.7, 0.45)  # of the last solution, to begin the next one strictly inside; where
 # the solver fails from near the bounds, it begins again farther from them
 _SHRINK_ENDS = 0.99  # the same where the ends of windows stay as they are
+_FAR = 2.0  # times over a limit: from there on a solution is not slowed to keep it, as one place
+# would slow all of it, and the solver began far from where it ends
+_FAR_SLACK = 0.1  # of rows that are exceeded then
 _ENOUGH = 0.5  # of the windows converge, or the sweep has failed
 
 
@@ -138,9 +141,11 @@ def _window(
     ties = _ties(x, at_rest)
     offsets = _retiming_rows.replace_unknowns(point_first, points, ties)
     bounds -= _retiming_rows.replace_unknowns(first, factors, ties)
-    shrinks = [1.0]
+    shrinks, slack = [1.0], _interior_point.LEAST_SLACK
     if all(at_rest):
-        x /= max(1.0, _interior_point.excess(rows, x))
+        over = _interior_point.excess(rows, x)
+        x /= min(max(1.0, over), _FAR)
+        slack = _FAR_SLACK if over > _FAR else slack
         shrinks = list(_SHRINKS)
     else:
         bounds[~factors.any(axis=1)] = 1.0  # nothing is left to decide there
@@ -148,7 +153,7 @@ def _window(
     inside, converged = x, False
     while shrinks and not converged:
         x = inside * shrinks.pop(0)
-        _steps, converged = _interior_point.solve(rows, goal, x, tolerance)
+        _steps, converged = _interior_point.solve(rows, goal, x, tolerance, slack)
     for unknown, by, value in ties:
         x[unknown] = x[by] if by >= 0 else value
     return (x[0::2].copy(), x[1::2] / unit), bool(converged)
