@@ -1,9 +1,8 @@
 """How fast velocity and acceleration of the carriages may change in parts of a motion.
 
 The bounds hold between samples. On a checked path they follow from those of the curve's derivatives
-(Bernstein coefficients) and of the profile's, through the closed form: R = sqrt(L^2 - w) has
-
-    R' = -(w'/2) / R,   R'' = -(w''/2 + R'^2) / R,   R''' = -(w'''/2 + 3 R' R'') / R.
+(Bernstein coefficients) and of the profile's, through the closed form, root by root: see
+``kinematics.derivatives``.
 
 A transfer consists of cubic polynomials of the time. B and D have bounds of their own: they do not
 change at all where the platform moves along the rails, however fast the carriages are.
@@ -18,14 +17,17 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.compiled import compiled, inlined
+from duoglide.kinematics.compiled import compiled, share
 from duoglide.kinematics.constants import pose_constants
+from duoglide.kinematics.derivatives import root_bounds
 from duoglide.kinematics.headroom.nearby import with_pairs
 from duoglide.kinematics.modes import WORKING
 from duoglide.motion.curve.bounds import bernstein, curve_bounds
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
+
+share(root_bounds)
 
 Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # bounds on three derivatives
 
@@ -115,23 +117,6 @@ def _over(breaks: FloatArray, rates: Rates, start: FloatArray, end: FloatArray) 
         np.maximum.reduceat(np.concatenate([bound, bound[-1:]]), slices)[::2] for bound in rates
     )
     return one, two, three
-
-
-@inlined
-def root_bounds(low: float, square: Any, one: Any, other: Any) -> tuple[float, float, float]:
-    """Bound three derivatives of a root R >= low of L^2 - a^2 - b^2.
-
-    Args:
-        low: Least R.
-        square: Bounds on a and b.
-        one: Bounds on the derivatives of a.
-        other: Bounds on those of b.
-    """
-    (a, b), (a1, a2, a3), (b1, b2, b3) = square, one, other
-    r1 = (a * a1 + b * b1) / low
-    r2 = (a1 * a1 + a * a2 + b1 * b1 + b * b2 + r1 * r1) / low
-    r3 = (3.0 * (a1 * a2 + b1 * b2 + r1 * r2) + a * a3 + b * b3) / low
-    return r1, r2, r3
 
 
 @compiled
