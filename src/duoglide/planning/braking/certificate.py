@@ -25,6 +25,7 @@ from duoglide.motion.motion import Motion
 from duoglide.planning.braking.carriage_bounds import CarriageBounds
 from duoglide.planning.braking.cells import PARTS, BrakeCells, Brakes
 from duoglide.planning.compare import first_least, whole
+from duoglide.planning.tolerances import CHUNK, NANOMETRE
 
 __all__ = ["ALLOWED", "BrakeReport", "Brakes", "brake_report"]
 
@@ -33,7 +34,6 @@ _CELL = 0.004  # s of the plan, at the least
 _STEP = 1.0 / 16.0  # of the leg's length: way of a carriage, which a cell may be as well
 _FEWEST = 8
 _PHASES = 3  # cells of the time from brake to standstill
-_CHUNK = 4_000  # cells of the plan at a time
 _SHARP = 0.02  # of the clearance, to which the least one is found
 _SMALL = 1.0 / 160.0  # of the leg's length: a clearance that is less is found no more sharply
 _DESCENTS = 3
@@ -43,7 +43,6 @@ _AROUND = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)], indexing="ij"),
 _BLUNT = 1.0 / 320.0  # of the leg's length: the same where the plan is not safe anyway
 _MOST = 200_000  # cells that are looked at in one chunk
 _PATIENT = 60_000  # of them, after which nothing counts but whether all is kept
-_FINEST = 1e-6  # mm: a cell that is no farther across is as good as its middle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,8 +88,8 @@ def brake_report(motion: Motion) -> BrakeReport:
     edges = np.linspace(0.0, duration, count + 1)
     bounds = CarriageBounds.of(motion)
     search = _Search(motion.machine)
-    for begin in range(0, count, _CHUNK):
-        search.look(BrakeCells.cover(bounds, edges[begin : begin + _CHUNK + 1], _PHASES))
+    for begin in range(0, count, CHUNK):
+        search.look(BrakeCells.cover(bounds, edges[begin : begin + CHUNK + 1], _PHASES))
     return search.report()
 
 
@@ -128,7 +127,7 @@ class _Search:
             spent = _MOST - left + PARTS * int(open_.sum())
             self._patient = spent < _PATIENT
             if spent < (_MOST if self._seen > -ALLOWED else _PATIENT):
-                open_ &= ~(patch.reach()[:, :3].max(axis=-1) <= _FINEST)
+                open_ &= ~(patch.reach()[:, :3].max(axis=-1) <= NANOMETRE)
             else:
                 open_[:] = False
             self._sure = min(self._sure, float(least[~open_].min(initial=np.inf)))

@@ -18,12 +18,12 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.planning.braking.certificate import ALLOWED, BrakeReport, Brakes, brake_report
 from duoglide.planning.compare import whole
 from duoglide.planning.timing.use import peaks
+from duoglide.planning.tolerances import CHUNK, NO_CAP
 
 Retime = Callable[[FloatArray, FloatArray], Motion]
 """Time the same curve again under a cap on d sigma/dt: sigma (n,) and the cap there (n,), linear in
 between, ``NO_CAP`` where there is none."""
 
-NO_CAP = 1e12  # mm/s
 
 _MARGIN = 1.0 / 320.0  # of the leg's length, that caps keep beyond each bound
 _SHARE = 0.5  # at most, of what the path itself has there
@@ -33,7 +33,6 @@ _HALVINGS = 10
 _FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # of the time from brake to standstill
 _SAMPLE = 0.001  # s of the plan between two caps
 _FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
-_CHUNK = 2_000
 _NONE = -1e3  # mm, room where the links come apart
 _ROUNDS = 2
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
@@ -158,8 +157,8 @@ def brake_caps(
         at the result with ``brake_report``.
     """
     parts = [
-        _caps(path, sigma[begin : begin + _CHUNK], speed[begin : begin + _CHUNK], wider)
-        for begin in range(0, sigma.size, _CHUNK)
+        _caps(path, sigma[begin : begin + CHUNK], speed[begin : begin + CHUNK], wider)
+        for begin in range(0, sigma.size, CHUNK)
     ]
     return np.concatenate(parts) if parts else np.zeros(0)
 

@@ -10,11 +10,11 @@ from duoglide.motion.path.checked import CheckReport, LeastMargin
 from duoglide.planning.check.judge import judge_points
 from duoglide.planning.check.rules import CLEARANCE, IndexArray, Intervals, Rules
 from duoglide.planning.check.search import first_intervals
+from duoglide.planning.tolerances import PICOMETRE
 
 _LOOKS = np.linspace(-1.0, 1.0, 17)  # at an interval, from its start to its end
 _MANY = 200  # intervals; of more than these, a few are looked at closely
 _KEPT = 6  # for each family
-_NOTHING = 1e-9  # [mm]; a deeper look that promises less than this is not worth it
 _CLOSER = np.linspace(-0.2, 0.2, 5)  # about where the least value is expected
 
 
@@ -29,7 +29,7 @@ def least_margins(rules: Rules) -> CheckReport:
     chosen = np.minimum(guess, values.min(axis=1)).argmin(axis=0)
     best = values[chosen, :, rows].argmin(axis=1)
     least, where = values[chosen, best, rows], looks[chosen, best]
-    deeper = np.flatnonzero(guess[chosen, rows] < least - _NOTHING)
+    deeper = np.flatnonzero(guess[chosen, rows] < least - PICOMETRE)
     if deeper.size:
         there = vertex[chosen, rows][deeper]
         found = _closer(rules, intervals[chosen[deeper]], deeper, there)

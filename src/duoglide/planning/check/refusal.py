@@ -20,11 +20,11 @@ from duoglide.motion.path.segments import show
 from duoglide.planning.check.judge import judge_points
 from duoglide.planning.check.rules import Rules
 from duoglide.planning.check.search import first_failure
+from duoglide.planning.tolerances import NANOMETRE
 
 SAMPLES = 1000  # to find how far a rule is broken
 SHIFT_SAMPLES = 60
 SHIFTS = np.arange(1.0, 60.01, 1.0)  # [mm] up and down
-START = 1e-6  # [mm] of sigma
 FINEST = 0.01  # [mm], to which an admissible height is found
 TRIES = 4
 ZOOMS = 4
@@ -48,7 +48,7 @@ class Breach:
 def refusal(rules: Rules, failed_at: float) -> PathError:
     """Explain why a curve is refused whose first bad point is at sigma = ``failed_at``."""
     curve = rules.curve
-    if failed_at < START and margins_at(rules, np.zeros(1)).min() < TOUCHING:
+    if failed_at < NANOMETRE and margins_at(rules, np.zeros(1)).min() < TOUCHING:
         failed_at = 0.0
     position = curve.position(failed_at)
     along = float(curve.arc_length(failed_at))

@@ -12,8 +12,9 @@ from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import COINCIDENT, Segment, distance, show
 from duoglide.motion.rounding.blend import Blend, Corner
-from duoglide.planning.programs.windows import ROUNDING, STRAIGHT
+from duoglide.planning.programs.windows import STRAIGHT
 from duoglide.planning.rounding.choice import choose_blends
+from duoglide.planning.tolerances import NANOMETRE
 
 _MANY = 5.0  # times the room for a seam; a blend that long may lose so much
 _FOLLOWING = 2  # segments of the next path that decide how long the blend into it may be
@@ -93,7 +94,7 @@ def _leaving_room(joint: Corner, following: Segment) -> Corner:
     if not isinstance(joint, Blend):
         return joint
     half = 0.5 * distance(following.start, following.end)
-    room = half - STRAIGHT if half > _MANY * STRAIGHT + ROUNDING else half
+    room = half - STRAIGHT if half > _MANY * STRAIGHT + NANOMETRE else half
     return replace(joint, after=min(joint.after, room))
 
 

@@ -29,7 +29,6 @@ from duoglide.motion.path.segments import distance
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.programs.joints import Entry, entries
 from duoglide.planning.programs.windows import (
-    ROUNDING,
     Seam,
     before_joint,
     place_of_seam,
@@ -38,6 +37,7 @@ from duoglide.planning.programs.windows import (
     seam_at,
 )
 from duoglide.planning.timing.lead import Lead
+from duoglide.planning.tolerances import NANOMETRE
 
 Count = Callable[[int, float], None]
 """Told after each path how many are planned, and how long they take together [s]."""
@@ -179,12 +179,12 @@ class _Program:
             if not self._reaches(count + 1):
                 break
             path, count = path.then(self.queue[count].path, corner), count + 1
-            if _chords(path) < enough - ROUNDING:
+            if _chords(path) < enough - NANOMETRE:
                 continue
             until, rest = before_joint(path, self.queue[count - 1].corner)
             rounded = round_corners(until)
             seam = place_of_seam(rounded, until, max(float(rounded.waypoints[first]), ahead))
-            if seam is not None and seam + ahead <= rounded.curve.end + ROUNDING:
+            if seam is not None and seam + ahead <= rounded.curve.end + NANOMETRE:
                 return _Window(until, count, seam, rest)
         return _Window(path, count)
 

@@ -24,9 +24,9 @@ from duoglide.planning.stops.certificate import stop_bounds, stop_bounds_until
 from duoglide.planning.timing.lead import Lead
 from duoglide.planning.timing.time_path import time_path
 from duoglide.planning.timing.timed_curve import SigmaCap
+from duoglide.planning.tolerances import NANOMETRE
 
 STRAIGHT = 4.0  # mm that a straight piece has at least where a seam is
-ROUNDING = 1e-6  # mm; no window, seam or blend is decided by so little
 _SHARE = 0.3  # of it, that comes before the seam
 
 
@@ -116,7 +116,7 @@ def place_of_seam(rounded: RoundedPath, path: Path, low: float) -> float | None:
     """
     curve = rounded.curve
     straight = (curve.rates == 0.0) & (np.abs(curve.coefficients[:, 2:]).max(axis=(1, 2)) == 0.0)
-    long = straight & (curve.breaks[:-1] >= low - ROUNDING) & (curve.spans >= STRAIGHT - ROUNDING)
+    long = straight & (curve.breaks[:-1] >= low - NANOMETRE) & (curve.spans >= STRAIGHT - NANOMETRE)
     for piece in np.flatnonzero(long).tolist():
         sigma = float(curve.breaks[piece] + _SHARE * curve.spans[piece])
         if isinstance(path.segments[_segment_at(rounded.waypoints, sigma)], Line):

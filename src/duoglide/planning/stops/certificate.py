@@ -24,6 +24,7 @@ from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import RateTable, StopBounds
 from duoglide.planning.compare import first_least, whole
 from duoglide.planning.stops.kernel import largest_slopes, windows
+from duoglide.planning.tolerances import CHUNK
 
 CELL = 0.002  # s of path time, at the least
 _CELLS_A_STOP = 40  # that are enough, if stops are so slow
@@ -35,7 +36,6 @@ _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in w
 # below 1/2 every term is smaller than at 1/2
 _LIMITED = ("acceleration", "jerk")
 _MOST_CELLS = 100_000
-_CHUNK = 4_000
 
 
 def stop_bounds(motion: Motion) -> StopBounds:
@@ -98,8 +98,8 @@ def _allowed(motion: Motion, cells: int) -> FloatArray:
     limits = np.stack([getattr(motion.machine.stop_limits, name) for name in _LIMITED])
     share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
     both = np.empty((2, _SHAPES.size, cells))
-    for begin in range(0, cells, _CHUNK):
-        part = slice(begin, min(begin + _CHUNK, cells))
+    for begin in range(0, cells, CHUNK):
+        part = slice(begin, min(begin + CHUNK, cells))
         peaks = _peaks(motion, cells, part)
         for k, rho in enumerate(_SHAPES.tolist()):
             found = np.full((2, peaks.shape[2]), LARGEST_SLOPE)

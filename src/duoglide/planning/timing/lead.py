@@ -22,6 +22,7 @@ from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, knots_of_jerks
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem
 from duoglide.planning.timing.timed_curve import SigmaCap, TimedCurve
+from duoglide.planning.tolerances import ROUNDING
 
 ALLOWED = 1.5e-3  # of the velocity limits, by which a timing may exceed the lowered ones
 _EARLY = 3  # cells in which half of that is granted, as what comes before may have used it
@@ -29,7 +30,6 @@ _SPARE = 1.05  # of acceleration, and of what it still adds to the speed at the 
 _TRIES = 12
 _SOFTER = 0.8  # of the jerk at the end of a way to rest
 _LOOKS = 401
-_VANISHED = 1e-9  # of the duration; phases below this are none
 _CLOSE = 0.4  # of a cell
 _SAFE = 1.0 + 1e-6
 
@@ -83,7 +83,7 @@ class Lead:
         k = int(np.argmax(low)) if low.any() else last
         begin, (s0, v0, a0, _) = float(times[k]), motion[k].tolist()
         h = min(abs(a0) / jerk, v0 / max(abs(a0), 1e-300))  # at the latest at half the speed
-        h = max(h, _VANISHED * self.way.duration)
+        h = max(h, ROUNDING * self.way.duration)
         end = (begin + h, s0 + h * (v0 + h * a0 / 3.0), v0 + 0.5 * h * a0, 0.0)
         kept = self.way.knots[self.way.knots[:, TIME] < begin]
         return Profile(np.array([*kept, (begin, s0, v0, a0), end]))
@@ -143,7 +143,7 @@ class Lead:
             return None
         times = np.array(profile.t) * second
         jerks = np.array(profile.j) * length / second**3
-        last = times > _VANISHED * times.sum()
+        last = times > ROUNDING * times.sum()
         phases = zip(jerks[last].tolist(), times[last].tolist(), strict=True)
         state = (start, self.speed, self.acceleration)
         return _never_turning(knots_of_jerks(state, phases, start + length))

@@ -21,10 +21,10 @@ from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.tolerances import PICOMETRE
 from duoglide.planning.transfer.certificate import certify
 from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
-SAME = 1e-9  # mm: nearer than this, start and goal are one pose
 _SAME_POSE = 1e-5  # mm, between a position and what its own carriages give
 HOME_TOLERANCE = 10.0  # mm, at the deep pose on the way round
 
@@ -92,7 +92,7 @@ def _position(value: ArrayLike, name: str) -> FloatArray:
 
 def _direct(machine: Machine, start: FloatArray, goal: FloatArray, brake_safe: bool) -> Trajectory:
     """Go by the carriages' own motion, straight if possible, else as ruckig has it."""
-    if np.abs(goal - start).max() <= SAME:
+    if np.abs(goal - start).max() <= PICOMETRE:
         return _stand(machine, start)
     first: PathError | None = None
     tried: FloatArray | None = None
