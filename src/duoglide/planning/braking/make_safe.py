@@ -61,9 +61,9 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
     for round_ in range(_ROUNDS if retime is not None else 0):
         if report.safe or retime is None:
             break
-        where, speed = _sampled(motion)
+        where, speed = _choose_samples(motion)
         caps = brake_caps(motion.path, where, speed, _WIDER**round_)
-        fresh = _widened(caps, speed) * _TIGHTER**round_
+        fresh = _widen(caps, speed) * _TIGHTER**round_
         if (fresh == NO_CAP).all():
             break  # samples are safe already: all of it has to be slower
         grid = np.union1d(sigma, where)
@@ -71,7 +71,7 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
         motion = retime(sigma, cap)
         report = brake_report(motion)
     if not report.safe:
-        motion, report = _slowed(motion)
+        motion, report = _slow_down(motion)
     cost = draft.duration if motion is not draft else 0.0
     told = replace(
         motion.report,
@@ -82,25 +82,25 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
     return Motion(motion.path, motion.profile, report=told)
 
 
-def _slowed(motion: Motion) -> tuple[Motion, BrakeReport]:
+def _slow_down(motion: Motion) -> tuple[Motion, BrakeReport]:
     """Stretch the whole of a motion in time until it is brake-safe.
 
     Raises:
         PathError: It never is: its path leaves less than bounds can tell from nothing.
     """
-    sigma, speed = _sampled(motion)
+    sigma, speed = _choose_samples(motion)
     good = float((speed / brake_caps(motion.path, sigma, speed)).max(initial=1.0))
-    slow, report = _stretched(motion, good)
+    slow, report = _stretch(motion, good)
     bad = good
     for k in range(_MOST_STRETCHES):
         if report.safe:
             break
         bad, good = good, good * _SLOWER ** (2**k)
-        slow, report = _stretched(motion, good)
+        slow, report = _stretch(motion, good)
     if report.safe:
         for _ in range(_BISECTIONS if good > _SLOWER**2 * bad else 0):
             middle = sqrt(bad * good)
-            less, told = _stretched(motion, middle)
+            less, told = _stretch(motion, middle)
             bad, good = (bad, middle) if told.safe else (middle, good)
             slow, report = (less, told) if told.safe else (slow, report)
         return slow, report
@@ -113,20 +113,20 @@ def _slowed(motion: Motion) -> tuple[Motion, BrakeReport]:
     )
 
 
-def _stretched(motion: Motion, factor: float) -> tuple[Motion, BrakeReport]:
+def _stretch(motion: Motion, factor: float) -> tuple[Motion, BrakeReport]:
     """Return a motion that takes ``factor`` times as long, and what its brakes do."""
     slow = Motion(motion.path, motion.profile.stretched(factor), report=motion.report)
     return slow, brake_report(slow)
 
 
-def _widened(caps: FloatArray, speed: FloatArray) -> FloatArray:
+def _widen(caps: FloatArray, speed: FloatArray) -> FloatArray:
     """Return the caps that count: those below the speed, and those beside them."""
     lower = np.pad(caps < speed, 1, mode="edge")
     counts = lower[:-2] | lower[1:-1] | lower[2:]
     return np.where(counts, caps, NO_CAP)
 
 
-def _sampled(motion: Motion) -> tuple[FloatArray, FloatArray]:
+def _choose_samples(motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return where on the curve to look, both ends included, and the speeds to ask for there.
 
     These are the largest ones near by: a cap must hold between two samples, and none is zero.
@@ -157,13 +157,13 @@ def brake_caps(
         at the result with ``brake_report``.
     """
     parts = [
-        _caps(path, sigma[begin : begin + CHUNK], speed[begin : begin + CHUNK], wider)
+        _find_caps(path, sigma[begin : begin + CHUNK], speed[begin : begin + CHUNK], wider)
         for begin in range(0, sigma.size, CHUNK)
     ]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _caps(
+def _find_caps(
     path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArray, wider: float
 ) -> FloatArray:
     states = path.derivatives(sigma)
@@ -174,20 +174,20 @@ def _caps(
     deceleration = np.array(machine.drives.quick_stop_deceleration)
     distance = (slope**2 / (2.0 * deceleration)).max(axis=-1)
     low = np.sqrt(_HARMLESS / np.maximum(distance, _HARMLESS))
-    safe = _safe(machine, q, slope, wanted)
+    safe = _keeps_room(machine, q, slope, wanted)
     low[safe] = 1.0
     rows = np.flatnonzero(low < 1.0)
     high = np.ones(sigma.size)
     for _ in range(_HALVINGS):  # of the ratio: the speed to begin with may be any times too high
         middle = np.sqrt(low[rows] * high[rows])
-        safe = _safe(machine, q[rows], middle[:, None] * slope[rows], wanted[rows])
+        safe = _keeps_room(machine, q[rows], middle[:, None] * slope[rows], wanted[rows])
         low[rows] = np.where(safe, middle, low[rows])
         high[rows] = np.where(safe, high[rows], middle)
     caps: FloatArray = speed * low
     return caps
 
 
-def _safe(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArray) -> BoolArray:
+def _keeps_room(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArray) -> BoolArray:
     """Tell which brakes keep the room that is wanted, at 16 instants each, shape (n,)."""
     if not q.size:
         return np.zeros(0, dtype=bool)

@@ -22,7 +22,7 @@ def least_margins(rules: Rules) -> CheckReport:
     """Sample every interval with its ends, then look where parabolas through the samples lead."""
     names = (*rules.families, *FAMILIES)
     rows = np.arange(len(names))
-    intervals = _promising(rules, first_intervals(rules))
+    intervals = _select_promising(rules, first_intervals(rules))
     looks = intervals.middle[:, None] + intervals.half[:, None] * _LOOKS
     values = _measure(rules, looks.ravel()).reshape(*looks.shape, -1)
     guess, vertex = _vertices(values)
@@ -32,7 +32,7 @@ def least_margins(rules: Rules) -> CheckReport:
     deeper = np.flatnonzero(guess[chosen, rows] < least - PICOMETRE)
     if deeper.size:
         there = vertex[chosen, rows][deeper]
-        found = _closer(rules, intervals[chosen[deeper]], deeper, there)
+        found = _look_closer(rules, intervals[chosen[deeper]], deeper, there)
         better = found[0] < least[deeper]
         least[deeper[better]], where[deeper[better]] = found[0][better], found[1][better]
     required = np.concatenate([rules.required, np.zeros(len(FAMILIES))])
@@ -46,7 +46,7 @@ def least_margins(rules: Rules) -> CheckReport:
     )
 
 
-def _closer(
+def _look_closer(
     rules: Rules, intervals: Intervals, family: IndexArray, vertex: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Find the least value of one family in each interval, about where it is expected.
@@ -67,7 +67,7 @@ def _closer(
     return table[best, rows], intervals.middle + intervals.half * looks[best, rows]
 
 
-def _promising(rules: Rules, intervals: Intervals) -> Intervals:
+def _select_promising(rules: Rules, intervals: Intervals) -> Intervals:
     """Keep, of very many intervals, those whose middles are the least of some family."""
     if intervals.middle.size <= _MANY:
         return intervals

@@ -68,7 +68,7 @@ def plan_window(machine: Machine, path: Path, lead: Lead | None, brake_safe: boo
     if brake_safe:
 
         def retimed(sigma: FloatArray, speed: FloatArray) -> Motion:
-            return time_path(carriages, sigma_cap=lead.lifted(SigmaCap(sigma, speed)), lead=lead)
+            return time_path(carriages, sigma_cap=lead.lift(SigmaCap(sigma, speed)), lead=lead)
 
         motion = make_brake_safe(motion, retimed)
         if motion.profile.knots[0, SPEED] != lead.speed:

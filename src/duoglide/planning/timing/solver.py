@@ -82,10 +82,10 @@ def _cuts(cells: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return where the windows of both sweeps begin and end."""
     edges = np.linspace(0.0, cells, round(cells / WINDOW) + 1)
     between = 0.5 * (edges[1:] + edges[:-1])
-    return _mirrored(edges, cells), _mirrored(np.append(0.0, between), cells)
+    return _round_cuts(edges, cells), _round_cuts(np.append(0.0, between), cells)
 
 
-def _mirrored(cuts: FloatArray, cells: int) -> NDArray[np.intp]:
+def _round_cuts(cuts: FloatArray, cells: int) -> NDArray[np.intp]:
     """Round cuts to whole cells so that they are the same seen from either end.
 
     A cut in the middle of the middle cell becomes the two about that cell.
