@@ -15,7 +15,8 @@ DEEPEST = (-41.0, 0.0, 302.0)  # of Table 1's workspace, in whole millimetres
 COLUMNS = 41
 ROUNDS = 5  # each four times finer
 ZOOM = 4.0
-SHIFTS = (0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6, -0.8, 0.8)  # of the way along y, for keep-out boxes
+# Shares of the way along y that are tried beside keep-out boxes.
+SHIFTS = (0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6, -0.8, 0.8)
 
 
 def home_position(machine: Machine) -> FloatArray:

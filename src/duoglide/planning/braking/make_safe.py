@@ -1,4 +1,4 @@
-"""Slow a plan down where drives that brake by themselves would break reach or clearance."""
+"""Slow a plan down where drives that stop by themselves would break reach or clearance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.transfer import TransferPath
-from duoglide.planning.braking.certificate import ALLOWED, BrakeReport, Brakes, brake_report
+from duoglide.planning.braking.certificate import ALLOWED, BrakeReport, DriveStops, brake_report
 from duoglide.planning.compare import whole
 from duoglide.planning.timing.use import peaks
 from duoglide.planning.tolerances import CHUNK, NO_CAP
@@ -25,15 +25,15 @@ Retime = Callable[[FloatArray, FloatArray], Motion]
 between, ``NO_CAP`` where there is none."""
 
 
-_MARGIN = 1.0 / 320.0  # of the leg's length, that caps keep beyond each bound
-_SHARE = 0.5  # at most, of what the path itself has there
-_SPENT = 0.6  # of what brakes may take from a bound: the rest is for what lies between samples
-_HARMLESS = 2e-4  # mm: no brake that is over within this needs a cap
+_MARGIN = 1.0 / 320.0  # Caps keep this share of the leg's length beyond each bound.
+_SHARE = 0.5  # They keep at most this share of the room that the path itself has.
+_SPENT = 0.6  # Samples may take this share of ``ALLOWED``; what lies between them has the rest.
+_HARMLESS = 2e-4  # [mm]; a stop that is over within this way needs no cap.
 _HALVINGS = 10
-_FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # of the time from brake to standstill
-_SAMPLE = 0.001  # s of the plan between two caps
+_FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # A stop is looked at after these shares of its time.
+_SAMPLE = 0.001  # [s] of the plan lie between two caps.
 _FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
-_NONE = -1e3  # mm, room where the links come apart
+_NONE = -1e3  # [mm]; stands for the room where the links come apart.
 _ROUNDS = 2
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
 _WIDER = 4.0  # times the margin each round: close to a bound, little is certain
@@ -114,7 +114,7 @@ def _slow_down(motion: Motion) -> tuple[Motion, BrakeReport]:
 
 
 def _stretch(motion: Motion, factor: float) -> tuple[Motion, BrakeReport]:
-    """Return a motion that takes ``factor`` times as long, and what its brakes do."""
+    """Return a motion that takes ``factor`` times as long, and its report."""
     slow = Motion(motion.path, motion.profile.stretched(factor), report=motion.report)
     return slow, brake_report(slow)
 
@@ -188,13 +188,13 @@ def _find_caps(
 
 
 def _keeps_room(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArray) -> BoolArray:
-    """Tell which brakes keep the room that is wanted, at 16 instants each, shape (n,)."""
+    """Tell which drive stops keep the room that is wanted, at 16 instants each, shape (n,)."""
     if not q.size:
         return np.zeros(0, dtype=bool)
     least = np.full(len(q), np.inf)
     for coast in (0.0, machine.drives.cycle):
-        brakes = Brakes(machine, q, v, np.full(len(q), coast))
-        places = np.stack([brakes.at(np.full(len(q), f)) for f in _FRACTIONS], axis=1)
+        stops = DriveStops(machine, q, v, np.full(len(q), coast))
+        places = np.stack([stops.at(np.full(len(q), f)) for f in _FRACTIONS], axis=1)
         here = np.maximum(room(machine, places).least(), _NONE)
         least = np.minimum(least, -peaks(-here))
     safe: BoolArray = least > wanted

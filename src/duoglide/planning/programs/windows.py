@@ -27,7 +27,7 @@ from duoglide.planning.timing.timed_curve import SigmaCap
 from duoglide.planning.tolerances import NANOMETRE
 
 STRAIGHT = 4.0  # mm that a straight piece has at least where a seam is
-_SHARE = 0.3  # of it, that comes before the seam
+_SHARE = 0.3  # This share of a straight piece comes before the seam.
 
 
 @dataclass(frozen=True, slots=True, eq=False)

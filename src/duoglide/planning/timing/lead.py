@@ -24,13 +24,13 @@ from duoglide.planning.timing.retiming import Retiming, RetimingProblem
 from duoglide.planning.timing.timed_curve import SigmaCap, TimedCurve
 from duoglide.planning.tolerances import ROUNDING
 
-ALLOWED = 1.5e-3  # of the velocity limits, by which a timing may exceed the lowered ones
+ALLOWED = 1.5e-3  # A timing may exceed the lowered velocity limits by this share.
 _EARLY = 3  # cells in which half of that is granted, as what comes before may have used it
 _SPARE = 1.05  # of acceleration, and of what it still adds to the speed at the start
 _TRIES = 12
-_SOFTER = 0.8  # of the jerk at the end of a way to rest
+_SOFTER = 0.8  # The last phase of a way to rest takes this share of its jerk.
 _LOOKS = 401
-_CLOSE = 0.4  # of a cell
+_CLOSE = 0.4  # Knots nearer together than this share of a cell are thinned out.
 _SAFE = 1.0 + 1e-6
 
 

@@ -102,7 +102,7 @@ class _Moving:
 
     def polished(self, problem: RetimingProblem, found: Retiming, effort: Effort) -> Profile | None:
         """Lower the limits where the motion exceeds them between knots, until it does not."""
-        limits = replace(self.search.timed, sigma_cap=None)  # the brakes themselves judge that cap
+        limits = replace(self.search.timed, sigma_cap=None)  # drive stops judge that cap
         for _ in range(effort.polish + 1):
             profile = problem.profile(found)
             use = largest_use(limits, profile)

@@ -26,7 +26,7 @@ from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _MOST_ROUNDS = 30
-_GAIN = 0.02  # of the duration, from which another tangent is worth its time
+_GAIN = 0.02  # Another tangent is worth its time if it gains this share of the duration.
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -27,7 +27,7 @@ LONG = 480  # cells, from which on a problem is cut into windows
 _SHRINKS = (0.95, 0.7, 0.45)  # of the last solution, to begin the next one strictly inside; where
 # the solver fails from near the bounds, it begins again farther from them
 _SHRINK_ENDS = 0.99  # the same where the ends of windows stay as they are
-_ENOUGH = 0.5  # of the windows converge, or the sweep has failed
+_ENOUGH = 0.5  # A sweep has failed unless this share of the windows converges.
 
 
 class Limits(NamedTuple):

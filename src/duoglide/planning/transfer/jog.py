@@ -19,9 +19,10 @@ from duoglide.kinematics.headroom.room import TOUCHING, locate, room
 from duoglide.kinematics.model import inverse, inverse_derivatives, jacobian
 from duoglide.machine import Machine
 
-_SAMPLES = 16  # of a way to stop
+_SAMPLES = 16  # A way to stop is looked at in so many places.
 _SLACK = 0.05  # mm that is left of every bound where there is so much to begin with
-_ALONG = 1e-6  # of the acceleration may point elsewhere in a motion that counts as straight
+# A motion counts as straight if no more than this share of its acceleration points aside.
+_ALONG = 1e-6
 _ROUNDING = 5e-6  # mm, within which a clearance is known
 
 
