@@ -2,7 +2,8 @@
 
 G(v, t) is how far a drive goes that has braked for t from the velocity v: see ``braking.cells``.
 Its slope by v is the lesser of t and |v| / d, so that two drives with the same deceleration differ
-by at most that times the difference of their velocities: nothing, along the rails."""
+by at most that times the difference of their velocities: nothing, along the rails.
+"""
 
 from __future__ import annotations
 
