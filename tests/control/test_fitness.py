@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -19,3 +22,22 @@ def test_what_begins_or_ends_in_motion_is_not_run_by_itself(machine: dg.Machine)
     later = Profile(whole.profile.knots[knot:] - np.array([time, 0.0, 0.0, 0.0]))
     with pytest.raises(dg.PathError, match="begins in motion"):
         require_fit(dg.Trajectory(whole.path, later, whole.stops), machine)
+
+
+@pytest.mark.parametrize(
+    ("change", "quantity", "words"),
+    [
+        ({"keep_out": (dg.Box(low=(-60, -9, 280), high=(-20, 9, 303)),)}, "keep_out", r"by 3 mm"),
+        ({"carriage_width": 420.0}, "order", "leaves the carriage_width of this machine"),
+        ({"clearance": 75.0}, "clearance", "leaves the reach or the clearance of this machine"),
+    ],
+)
+def test_another_machine_says_which_room_is_left_and_by_how_much(
+    machine: dg.Machine, change: dict[str, Any], quantity: str, words: str
+) -> None:
+    plan = dg.plan(machine, dg.Path.line((-41, -40, 300), (-41, 40, 300)), brake_safe=False)
+    with pytest.raises(dg.PathError, match=words) as refusal:
+        require_fit(plan, replace(machine, **change))
+    assert refusal.value.quantity == quantity
+    assert refusal.value.amount is not None
+    assert 0.0 < refusal.value.amount < 100.0

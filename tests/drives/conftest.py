@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import canopen
 import pytest
+from drive_power import enable
 
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import open_bus
@@ -73,7 +74,7 @@ def enabled(axes: list[Axis]) -> list[Axis]:
         axis.configure((-360.0, 360.0))
         axis.command(Nmt.START)
     for axis, position in zip(axes, POSITIONS, strict=True):
-        axis.enable()
+        enable(axis)
         axis.start_homing(position)
     for axis, position in zip(axes, POSITIONS, strict=True):
         while not axis.homing_done():

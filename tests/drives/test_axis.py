@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import canopen
 import pytest
+from drive_power import disable, enable, reset_fault
 
 from duoglide.drives.axis import Axis
 from duoglide.drives.buses import frame_sender
@@ -167,15 +168,15 @@ def test_a_value_that_the_drive_changes_is_noticed(drives: SimulatedDrives, axis
 def test_a_drive_in_fault_is_not_enabled_and_says_why(drives: SimulatedDrives, axis: Axis) -> None:
     drives.inject(faults.DeviceFault(1, 0x4310))
     with pytest.raises(DriveFault, match="over-temperature of the motor") as error:
-        axis.enable()
+        enable(axis)
     assert (error.value.axis, error.value.code) == (1, 0x4310)
-    axis.reset_fault()
-    axis.enable()
+    reset_fault(axis)
+    enable(axis)
     assert axis.read_state() is State.OPERATION_ENABLED
 
 
 def test_resetting_without_a_fault_does_nothing(axis: Axis) -> None:
-    axis.reset_fault()
+    reset_fault(axis)
     assert axis.read_state() is State.SWITCH_ON_DISABLED
 
 
@@ -185,25 +186,25 @@ def test_safe_torque_off_is_said_before_anything_is_tried(
     drives.inject(faults.Sto(1))
     assert axis.describe().safe_torque_off
     with pytest.raises(DriveError, match="safe torque off"):
-        axis.enable()
+        enable(axis)
 
 
 def test_safe_torque_off_under_power_is_a_fault_that_needs_its_circuit_closed(
     drives: SimulatedDrives, axis: Axis
 ) -> None:
-    axis.enable()
+    enable(axis)
     drives.inject(faults.Sto(1))
     with pytest.raises(DriveFault, match="safe torque off"):
-        axis.reset_fault()
+        reset_fault(axis)
     drives.inject(faults.Sto(1, active=False))
-    axis.reset_fault()
-    axis.enable()
+    reset_fault(axis)
+    enable(axis)
 
 
 def test_enabling_does_not_jump_to_an_old_target(drives: SimulatedDrives, axis: Axis) -> None:
     axis.write(0x607A, 0, 50_000)
     before = drives.snapshot()[0].position
-    axis.enable()
+    enable(axis)
     time.sleep(0.05)
     assert drives.snapshot()[0].position == pytest.approx(before, abs=0.01)
 
@@ -225,7 +226,7 @@ def test_a_drive_that_does_not_answer_is_a_timeout(drives: SimulatedDrives, axis
 def test_the_sign_of_the_home_offset_is_found_out(network: canopen.Network) -> None:
     axis = with_quirks(network, DriveSettings(), Quirks(home_offset_sign=-1))
     axis.configure()
-    axis.enable()
+    enable(axis)
     axis.start_homing(-100.0)
     assert axis.homing_done()
     with pytest.raises(DriveError, match=r"says 100.000 mm after homing, should say -100.000"):
@@ -238,7 +239,7 @@ def test_a_homing_method_that_the_drive_lacks_fails_loudly(network: canopen.Netw
     homing = replace(settings.homing, method=(-5, 37, 37))
     axis = Axis(network, replace(settings, homing=homing), 1)
     axis.configure()
-    axis.enable()
+    enable(axis)
     axis.start_homing(0.0)
     with pytest.raises(DriveError, match="homing has failed"):
         axis.homing_done()
@@ -249,7 +250,7 @@ def test_disabling_brakes_the_carriage_and_sets_the_brake(
     enabled: list[Axis], drives: SimulatedDrives
 ) -> None:
     for axis in enabled:
-        axis.disable()
+        disable(axis)
     for real in drives.snapshot():
         assert real.state is State.SWITCH_ON_DISABLED
         assert not real.brake_released
@@ -259,8 +260,8 @@ def test_a_quick_stop_holds_under_power(enabled: list[Axis], drives: SimulatedDr
     enabled[0].write(0x6040, 0, Control.QUICK_STOP)
     assert enabled[0].read_state() is State.QUICK_STOP_ACTIVE
     assert drives.snapshot()[0].brake_released
-    enabled[0].disable()
-    enabled[0].enable()
+    disable(enabled[0])
+    enable(enabled[0])
 
 
 def test_a_drive_left_under_power_is_configured_without(enabled: list[Axis]) -> None:
@@ -277,9 +278,9 @@ def test_a_reboot_loses_the_reference(enabled: list[Axis], drives: SimulatedDriv
 def test_the_brake_can_be_set_through_the_outputs(
     enabled: list[Axis], drives: SimulatedDrives
 ) -> None:
-    enabled[0].set_outputs(1)
+    enabled[0].write(0x60FE, 1, 1)
     assert not drives.snapshot()[0].brake_released
-    enabled[0].set_outputs(0)
+    enabled[0].write(0x60FE, 1, 0)
     assert drives.snapshot()[0].brake_released
 
 
@@ -322,7 +323,7 @@ def test_axes_can_search_their_references_together(network: canopen.Network) -> 
     axes = [Axis(network, settings, number) for number in (1, 2, 3)]
     for axis in axes:
         axis.configure()
-        axis.enable()
+        enable(axis)
     for axis in axes:
         axis.start_homing(5.0)
     deadline = time.monotonic() + 60.0
@@ -336,7 +337,7 @@ def test_axes_can_search_their_references_together(network: canopen.Network) -> 
 def test_a_drive_that_can_only_stop_and_switch_off_does_so(network: canopen.Network) -> None:
     axis = with_quirks(network, DriveSettings(), Quirks(quick_stop_option=2))
     axis.configure()
-    axis.enable()
+    enable(axis)
     axis.write(0x6040, 0, Control.QUICK_STOP)
     axis.go_to(State.SWITCH_ON_DISABLED)
     axis.close()

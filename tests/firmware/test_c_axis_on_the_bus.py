@@ -9,6 +9,7 @@ from math import cos, pi
 
 import canopen
 import pytest
+from drive_power import disable, enable, reset_fault
 
 from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
@@ -84,7 +85,7 @@ def test_the_c_axis_is_brought_up_streams_and_faults_as_a_drive(
         axis.wait_for_boot()
         axis.configure((-360.0, 360.0))
         axis.command(pdo.Nmt.START)
-        axis.enable()
+        enable(axis)
         axis.start_homing(position)
         assert axis.homing_done()
         axis.end_homing(position)
@@ -99,8 +100,8 @@ def test_the_c_axis_is_brought_up_streams_and_faults_as_a_drive(
 
     faults.DeviceFault(2).apply(rack.nodes[1])
     assert axes[1].read_state() in (State.FAULT_REACTION_ACTIVE, State.FAULT)
-    axes[1].reset_fault()
-    axes[1].enable()
+    reset_fault(axes[1])
+    enable(axes[1])
     for axis in axes:
-        axis.disable()
+        disable(axis)
         axis.close()

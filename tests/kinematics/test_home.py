@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.kinematics.home import home_carriages, home_position, room
+from duoglide.kinematics.headroom.room import room_at
+from duoglide.kinematics.home import home_carriages, home_position
 
 
 def test_the_default_machine_starts_at_its_deepest_point(machine: dg.Machine) -> None:
@@ -46,7 +47,7 @@ def test_any_machine_that_has_room_finds_a_home(
             continue
         found += 1
         carriages = home_carriages(other)
-        assert room(other, home) > 0.0
+        assert room_at(other, home).least() > 0.0
         assert np.abs(carriages).max() < geometry.rail_half_length
         assert carriages[1] - carriages[0] > other.carriage_width
         assert dg.clearance(geometry, home) > other.clearance
@@ -64,7 +65,7 @@ def test_a_home_stays_out_of_keep_out_boxes(machine: dg.Machine) -> None:
     wall = dg.Box(low=(-300.0, -30.0, 0.0), high=(300.0, 30.0, 500.0))
     home = home_position(replace(machine, keep_out=(wall,)))
     assert abs(home[1]) > 30.0
-    assert room(replace(machine, keep_out=(wall,)), home) > 0.0
+    assert room_at(replace(machine, keep_out=(wall,)), home).least() > 0.0
 
 
 def test_a_home_keeps_wide_carriages_apart(machine: dg.Machine) -> None:

@@ -12,7 +12,7 @@ from duoglide.kinematics.headroom.nearby import Patch, room_on
 from duoglide.kinematics.headroom.room import Room
 from duoglide.motion.audit import audit
 from duoglide.planning.braking import certificate as braking
-from duoglide.planning.braking.certificate import Brakes, brake_report
+from duoglide.planning.braking.certificate import DriveStops, brake_report
 from duoglide.planning.braking.make_safe import brake_caps, make_brake_safe
 
 MACHINE = dg.Machine.default()
@@ -56,15 +56,15 @@ def least_clearance(trajectory: dg.Trajectory, starts: int) -> float:
     return float(dg.clearance(machine.geometry, positions).min())
 
 
-def test_brakes_follow_the_drives_ramp() -> None:
+def test_stops_follow_the_drives_ramp() -> None:
     q, v = np.array([-200.0, 150.0, 30.0]), np.array([1715.0, -2733.0, 0.0])
     for coast in (0.0, 0.002):
         rows = simulate(MACHINE, q, v, coast)
-        brakes = Brakes(MACHINE, q[None], v[None], np.full(1, coast))
-        assert brakes.lasting[0] == pytest.approx(coast + 2733.0 / 60e3)
-        np.testing.assert_allclose(brakes.at(np.ones(1))[0], rows[-1], atol=1e-2)
-        half = rows[round(0.5 * brakes.lasting[0] / STEP)]
-        np.testing.assert_allclose(brakes.at(np.full(1, 0.5))[0], half, atol=0.3)
+        stops = DriveStops(MACHINE, q[None], v[None], np.full(1, coast))
+        assert stops.lasting[0] == pytest.approx(coast + 2733.0 / 60e3)
+        np.testing.assert_allclose(stops.at(np.ones(1))[0], rows[-1], atol=1e-2)
+        half = rows[round(0.5 * stops.lasting[0] / STEP)]
+        np.testing.assert_allclose(stops.at(np.full(1, 0.5))[0], half, atol=0.3)
 
 
 def test_the_motion_that_ends_past_legs_flat_is_caught() -> None:

@@ -17,7 +17,7 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import StopBounds
 from duoglide.planning.braking.carriage_bounds import CarriageBounds
-from duoglide.planning.braking.cells import BrakeCells, Brakes
+from duoglide.planning.braking.cells import BrakeCells, DriveStops
 from duoglide.planning.braking.certificate import brake_report
 from duoglide.planning.transfer.certificate import keeps
 from duoglide.planning.transfer.rest_to_rest import rest_to_rest
@@ -58,12 +58,12 @@ def random_motion(machine: dg.Machine, rng: np.random.Generator) -> dg.Trajector
     pytest.skip("this geometry leaves hardly any room")
 
 
-def brakes_in(cells: BrakeCells, count: int) -> tuple[np.ndarray, np.ndarray]:
+def stops_in(cells: BrakeCells, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return carriages on a grid in each cell (n, count^3, 3), and the grid from -1 to 1."""
     grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, count)], indexing="ij"))
     grid = grid.reshape(3, -1)
     times = cells.times[:, None] + cells.sides[:, None] * grid.T
-    return cells.brakes(times.reshape(-1, 3)).reshape(*times.shape), grid
+    return cells.carriages_at(times.reshape(-1, 3)).reshape(*times.shape), grid
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
@@ -74,7 +74,7 @@ def test_no_brake_of_a_cell_leaves_its_patch_or_has_less_room_than_is_certain(se
     edges = np.linspace(0.0, motion.duration, 13)
     cells = BrakeCells.cover(CarriageBounds.of(motion), edges, 4)
     patch = cells.patch()
-    carriages, grid = brakes_in(cells, 6)
+    carriages, grid = stops_in(cells, 6)
     moved = with_pairs(carriages - patch.middle[:, None])
     ways = with_pairs(patch.ways)
     straight = sum(ways[:, k, None] * grid[k][:, None] for k in range(3))
@@ -91,7 +91,7 @@ def test_no_brake_of_a_cell_leaves_its_patch_or_has_less_room_than_is_certain(se
 
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(SEEDS)
-def test_cells_that_are_cut_cover_the_same_brakes(seed: int) -> None:
+def test_cells_that_are_cut_cover_the_same_stops(seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = FAST
     cells = BrakeCells.cover(CarriageBounds.of(motion), np.linspace(0.0, motion.duration, 9), 3)
@@ -123,7 +123,7 @@ def test_brute_force_finds_no_less_than_the_report_and_not_much_more(seed: int) 
     motion = random_motion(random_machine(rng), rng)
     report = brake_report(motion)
     edges = np.linspace(0.0, motion.duration, 41)
-    carriages, _ = brakes_in(BrakeCells.cover(CarriageBounds.of(motion), edges, 8), 4)
+    carriages, _ = stops_in(BrakeCells.cover(CarriageBounds.of(motion), edges, 8), 4)
     found = room(motion.machine, carriages)
     assert report.room <= found.least().min() + ROUNDING
     clearance = float(found.clearance.min()) + motion.machine.clearance
@@ -221,6 +221,6 @@ def test_a_dart_between_two_samples_is_seen() -> None:
     report = brake_report(motion)
     assert leave < report.time < arrive
     rows = motion.at(np.linspace(leave, arrive, 400))
-    brakes = Brakes(machine, rows.carriages, rows.velocity, np.full(400, machine.drives.cycle))
-    found = room(machine, brakes.at(np.ones(400)))
+    stops = DriveStops(machine, rows.carriages, rows.velocity, np.full(400, machine.drives.cycle))
+    found = room(machine, stops.at(np.ones(400)))
     assert report.clearance <= found.clearance.min() + machine.clearance < 60.0

@@ -15,6 +15,7 @@ from pathlib import Path
 import can
 import canopen
 import pytest
+from drive_power import disable, enable
 
 from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
@@ -61,7 +62,7 @@ def bring_up(axes: Sequence[Axis]) -> None:
         axis.identify()
         axis.configure((-360.0, 360.0))
         axis.command(pdo.Nmt.START)
-        axis.enable()
+        enable(axis)
         axis.start_homing(position)
         while not axis.homing_done():
             time.sleep(0.01)
@@ -108,7 +109,7 @@ def test_drives_stop_when_the_link_goes_down_and_answer_when_it_is_up(
     with connected() as (_, axes):
         for axis in axes:
             assert axis.read(0x603F) in (0x8700, 0x8250)
-            axis.disable()
+            disable(axis)
             assert axis.read_state() is State.SWITCH_ON_DISABLED
 
 

@@ -7,7 +7,6 @@ and nothing belongs in the cycle.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from duoglide.drives import pdo, standstill
@@ -131,54 +130,18 @@ class Axis(DriveObjects):
 
     # -- states -------------------------------------------------------------------------------
 
-    def enable(self) -> None:
-        """Bring the drive to OPERATION_ENABLED in CSP, holding where it stands.
-
-        Raises:
-            DriveFault: It is in fault; ``reset_fault`` is asked for on purpose.
-            DriveError: Safe torque off, or it does not go into CSP.
-            DriveTimeout: It does not get there.
-        """
-        if self.safe_torque_off():
-            raise self.error("safe torque off is active; close its circuit first", 0x5441)
-        self.set_mode(Mode.CYCLIC_SYNCHRONOUS_POSITION)
-        self.go_to(State.SWITCHED_ON)
-        self.write(0x607A, 0, self.read(0x6064))  # or it would jump to an old target
-        self.go_to(State.OPERATION_ENABLED)
-
-    def disable(self) -> None:
-        """Bring the drive to SWITCH_ON_DISABLED, step by step; a fault stays one."""
-        if self.read_state() is State.OPERATION_ENABLED:
-            self.go_to(State.SWITCHED_ON)
-        if self.read_state() not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            self.go_to(State.SWITCH_ON_DISABLED)
-
-    def reset_fault(self) -> None:
-        """Acknowledge a fault, by a rising edge; nothing happens without one.
-
-        Raises:
-            DriveFault: The cause persists.
-        """
-        if self.read_state() not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            return
-        self._await(lambda: self.read_state() is not State.FAULT_REACTION_ACTIVE, "end braking")
-        self.write(0x6040, 0, Control.DISABLE_VOLTAGE)
-        self.write(0x6040, 0, Control.FAULT_RESET)
-        try:
-            self._await(lambda: self.read_state() is not State.FAULT, "reset", 0.5)
-        except DriveTimeout as error:
-            raise self.fault() from error
-        finally:
-            self.write(0x6040, 0, Control.DISABLE_VOLTAGE)
-
-    def set_outputs(self, word: int) -> None:
-        """Set the digital outputs, 0x60FE:1; bit 0 sets the holding brake."""
-        self.write(0x60FE, 1, word)
-
     def set_mode(self, mode: Mode) -> None:
         """Choose the mode of operation and wait until the drive is in it."""
         self.write(0x6060, 0, mode)
-        self._await(lambda: self.read(0x6061) == mode, f"go into mode {mode.value}")
+        deadline = time.monotonic() + _STATE_PATIENCE
+        while self.read(0x6061) != mode:
+            if time.monotonic() > deadline:
+                raise DriveTimeout(
+                    f"axis {self.number} (node {self.node_id}): does not go into mode {mode.value}"
+                    f" within {_STATE_PATIENCE:g} s",
+                    axis=self.number,
+                )
+            time.sleep(_PAUSE)
 
     def go_to(self, goal: State) -> None:
         """Walk to a state, one transition after the other.
@@ -200,19 +163,6 @@ class Axis(DriveObjects):
             word = controlword_towards(state, goal)
             if word is not None:
                 self.write(0x6040, 0, word)
-            time.sleep(_PAUSE)
-
-    def _await(
-        self, reached: Callable[[], bool], what: str, patience: float = _STATE_PATIENCE
-    ) -> None:
-        deadline = time.monotonic() + patience
-        while not reached():
-            if time.monotonic() > deadline:
-                raise DriveTimeout(
-                    f"axis {self.number} (node {self.node_id}): does not {what}"
-                    f" within {patience:g} s",
-                    axis=self.number,
-                )
             time.sleep(_PAUSE)
 
     # -- homing -------------------------------------------------------------------------------

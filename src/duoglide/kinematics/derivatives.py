@@ -1,17 +1,23 @@
-"""The carriages and three derivatives along a motion of one pose, in plain floats or compiled.
+"""The derivatives of the closed form, which come down to those of one root: r r = L^2 - a^2 - b^2.
 
-``model.inverse_derivatives`` does the same for arrays and to any order; the stream has no time for
-arrays, and the search for a timing compiles this.
+Leibniz' rule on that product, solved for the highest derivative of r, gives them. It stands here
+three times, because it is asked for in three ways. ``root_jet`` is the first three for one pose:
+the stream has no time for arrays, and the search for a timing compiles it. ``root_jets`` is for
+many poses, by whole columns, and for as many orders as are asked for. ``root_bounds`` is
+``root_jet`` with the absolute value of each term: it bounds the derivatives where a, b and theirs
+are known only within bounds. Tests hold the three together.
 """
 
 from __future__ import annotations
 
-from math import sqrt
-from typing import TypeAlias
+from math import comb, sqrt
+from typing import Any, TypeAlias
 
+from duoglide.arrays import FloatArray
 from duoglide.kinematics.constants import Constants
 
 Jet: TypeAlias = tuple[float, float, float, float]  # a value and three derivatives
+ArrayJet: TypeAlias = list[FloatArray]  # values, first derivatives, second, ...
 
 
 def root_jet(r: float, a: Jet, b: Jet) -> Jet:
@@ -20,6 +26,68 @@ def root_jet(r: float, a: Jet, b: Jet) -> Jet:
     r2 = -(a[1] * a[1] + a[0] * a[2] + b[1] * b[1] + b[0] * b[2] + r1 * r1) / r
     r3 = -(3.0 * (a[1] * a[2] + b[1] * b[2] + r1 * r2) + a[0] * a[3] + b[0] * b[3]) / r
     return r, r1, r2, r3
+
+
+def root_bounds(low: float, square: Any, one: Any, other: Any) -> tuple[float, float, float]:
+    """Bound three derivatives of a root r >= low of L^2 - a^2 - b^2: ``root_jet``, every term +.
+
+    Args:
+        low: Least r.
+        square: Bounds on a and b.
+        one: Bounds on the derivatives of a.
+        other: Bounds on those of b.
+    """
+    (a, b), (a1, a2, a3), (b1, b2, b3) = square, one, other
+    r1 = (a * a1 + b * b1) / low
+    r2 = (a1 * a1 + a * a2 + b1 * b1 + b * b2 + r1 * r1) / low
+    r3 = (3.0 * (a1 * a2 + b1 * b2 + r1 * r2) + a * a3 + b * b3) / low
+    return r1, r2, r3
+
+
+def shift(jet: ArrayJet, origin: float) -> ArrayJet:
+    """Measure ``jet`` from ``origin``."""
+    return [jet[0] - origin, *jet[1:]]
+
+
+def root_jets(value: FloatArray, *sides: ArrayJet) -> ArrayJet:
+    """Differentiate r = sqrt(L^2 - a^2 - b^2 ...), L constant, for arrays and to any order.
+
+    Leibniz' rule on r^2 + a^2 + b^2 ... = L^2, solved for the highest derivative of r.
+
+    Args:
+        value: r itself, above 0.
+        sides: The jets a, b, ..., all of one order.
+
+    Returns:
+        The jet of r, of the order of the sides.
+    """
+    order = len(sides[0])
+    jet = [value]
+    if order == 1:
+        return jet
+    scale = -1.0 / value
+    for n in range(1, order):
+        total = _half_of_square(sides[0], n)
+        for side in sides[1:]:
+            total = total + _half_of_square(side, n)
+        if n > 1:  # without r r^(n), which is what is sought
+            total = total + _half_of_square(jet, n, 1)
+        jet.append(scale * total)
+    return jet
+
+
+def _half_of_square(jet: ArrayJet, n: int, first: int = 0) -> FloatArray:
+    """Return half the n-th derivative, n > 0, of the square of ``jet``, from a term of it on."""
+    terms = [
+        comb(n, j) * jet[j] * jet[n - j] if j else jet[0] * jet[n]
+        for j in range(first, (n + 1) // 2)
+    ]
+    if n % 2 == 0:
+        terms.append(0.5 * comb(n, n // 2) * jet[n // 2] ** 2)
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
 
 
 def carriage_jets(x: Jet, y: Jet, z: Jet, k: Constants) -> tuple[Jet, Jet, Jet]:

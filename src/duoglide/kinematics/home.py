@@ -7,15 +7,16 @@ import numpy as np
 from duoglide.arrays import FloatArray, read_only
 from duoglide.errors import ConfigError
 from duoglide.kinematics.constants import Plane
+from duoglide.kinematics.headroom.room import room_at
 from duoglide.kinematics.model import inverse, reachable
-from duoglide.kinematics.singularity import clearance, margins
 from duoglide.machine import Machine
 
 DEEPEST = (-41.0, 0.0, 302.0)  # of Table 1's workspace, in whole millimetres
 COLUMNS = 41
 ROUNDS = 5  # each four times finer
 ZOOM = 4.0
-SHIFTS = (0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6, -0.8, 0.8)  # of the way along y, for keep-out boxes
+# Shares of the way along y that are tried beside keep-out boxes.
+SHIFTS = (0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6, -0.8, 0.8)
 
 
 def home_position(machine: Machine) -> FloatArray:
@@ -35,7 +36,7 @@ def home_position(machine: Machine) -> FloatArray:
     """
     if machine.home_position is not None:
         own = read_only(np.array(machine.home_position))
-        if not room(machine, own) > 0.0:
+        if not _depth(machine, own) > 0.0:
             raise ConfigError(
                 f"home_position = {list(machine.home_position)}: must be within reach, travel and"
                 f" carriage order, out of keep_out, and {machine.clearance:g} mm clear of every"
@@ -43,7 +44,7 @@ def home_position(machine: Machine) -> FloatArray:
             )
         return own
     usual = np.array(DEEPEST)
-    return read_only(usual if room(machine, usual) > 0.0 else _deepest(machine))
+    return read_only(usual if _depth(machine, usual) > 0.0 else _deepest(machine))
 
 
 def home_carriages(machine: Machine) -> FloatArray:
@@ -55,34 +56,21 @@ def home_carriages(machine: Machine) -> FloatArray:
     return read_only(inverse(machine.geometry, home_position(machine)))
 
 
-def room(machine: Machine, position: FloatArray) -> FloatArray:
+def _depth(machine: Machine, position: FloatArray) -> FloatArray:
     """Measure the least of what is left of clearance, travel and carriage order.
+
+    Keep-out boxes say no more than yes or no, so that one far away does not move the home.
 
     Args:
         machine: The machine.
         position: Finite positions of the platform [mm], shape (..., 3).
 
     Returns:
-        Room [mm], shape (...); negative or zero where the machine must not stand: out of reach, in
-        a keep-out box, or not in its own assembly mode (+1, +1).
+        Room [mm], shape (...); negative or zero where the machine must not stand.
     """
-    geometry = machine.geometry
-    result = np.full(position.shape[:-1], -np.inf)
-    inside = reachable(geometry, position)
-    poses = position[inside]
-    carriages = inverse(geometry, poses)
-    left = np.minimum(
-        clearance(geometry, poses) - machine.clearance,
-        geometry.rail_half_length - np.abs(carriages).max(axis=-1, initial=0.0),
-    )
-    order = carriages[..., 1] - carriages[..., 0] - machine.carriage_width
-    left = np.minimum(left, order)
-    sides = margins(geometry, poses)
-    barred = (sides.legs_flat <= 0.0) | (sides.arm_strut <= 0.0)
-    for box in machine.keep_out:
-        barred |= ((poses >= np.array(box.low)) & (poses <= np.array(box.high))).all(axis=-1)
-    result[inside] = np.where(barred, -np.inf, left)
-    return result
+    found = room_at(machine, position)
+    least = np.minimum(np.minimum(found.clearance, found.travel), found.order)
+    return np.where(found.keep_out > 0.0, least, -np.inf)
 
 
 def _deepest(machine: Machine) -> FloatArray:
@@ -97,7 +85,7 @@ def _deepest(machine: Machine) -> FloatArray:
         z = centre[1] + half[1] * np.linspace(-1.0, 1.0, COLUMNS)
         grid = np.stack(np.meshgrid(x, [0.0], z, indexing="ij"), axis=-1).reshape(-1, 3)
         poses = _spread_along_rails(machine, grid[reachable(g, grid)])
-        left = room(machine, poses)
+        left = _depth(machine, poses)
         if left.size and left.max() > most:
             best, most = poses[left.argmax()], left.max()
             centre = best[[0, 2]]

@@ -16,8 +16,8 @@ from duoglide.kinematics._batch import (
     triple,
 )
 from duoglide.kinematics._forward import require_forward
-from duoglide.kinematics._jets import height, shifted
 from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
+from duoglide.kinematics.derivatives import root_jets, shift
 from duoglide.kinematics.kernels import forward_pose, in_numpy, inverse_pose, jacobian_pose
 from duoglide.kinematics.modes import ASSEMBLY, WORKING, AssemblyMode, WorkingMode
 from duoglide.kinematics.reach import reach_of, require_inside, require_reach
@@ -193,14 +193,14 @@ def inverse_derivatives(
         require_inside(array[..., 0, :], reach)
     cx, base, _l6, _l2, half, xb, zb, _l9, _v, w1, w2, w3 = k
     x, y, z = ([array[..., i, axis] for i in range(order)] for axis in range(3))
-    A = height(reach.A, shifted(x, cx))
-    h = [zi - Ai for zi, Ai in zip(shifted(z, base), A, strict=True)]
-    p = height(reach.p, h)
-    q = height(reach.q, shifted(x, xb), shifted(z, zb))
+    A = root_jets(reach.A, shift(x, cx))
+    h = [zi - Ai for zi, Ai in zip(shift(z, base), A, strict=True)]
+    p = root_jets(reach.p, h)
+    q = root_jets(reach.q, shift(x, xb), shift(z, zb))
     result = np.empty(array.shape)
     for i in range(order):
-        shift = half if i == 0 else 0.0
-        result[..., i, 0] = y[i] - shift + w1 * p[i]
-        result[..., i, 1] = y[i] + shift + w2 * p[i]
+        middle = half if i == 0 else 0.0
+        result[..., i, 0] = y[i] - middle + w1 * p[i]
+        result[..., i, 1] = y[i] + middle + w2 * p[i]
         result[..., i, 2] = y[i] + w3 * q[i]
     return result

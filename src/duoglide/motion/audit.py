@@ -20,7 +20,7 @@ RATE = 20_000.0  # samples per second of the finite differences
 AT_LIMIT = 0.98  # use from which a limit counts as the one that holds the motion back
 MOST_SAMPLES = 500_000  # beyond that, exact derivatives are taken instead of differences
 _FEED_SAMPLES = 4001
-_ROUNDING = 16.0  # of a third difference of positions, in units of their last place
+_ROUNDING = 16.0  # A third difference of positions is wrong by so many units of their last place.
 
 
 class Limit(IntEnum):
@@ -50,7 +50,7 @@ class Share:
         return f"carriage {self.carriage} {name}, {100.0 * self.share:.0f} % of the time"
 
 
-_WORTH_TELLING = 0.01  # of the duration
+_WORTH_TELLING = 0.01  # A limit that holds for less than this share is not told.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -36,7 +36,7 @@ def lower_bound(motion: Motion) -> float:
     last = _End(float(knots[-1, 1]), float(knots[-1, 2]))
     inner = [_End(rest, 0.0) for rest in rests if rest < last.sigma]
     spans = pairwise((_End(0.0, float(knots[0, 2])), *inner, last))
-    return dwells + sum(_span(motion, start, end) for start, end in spans)
+    return dwells + sum(_bound_span(motion, start, end) for start, end in spans)
 
 
 class _End(NamedTuple):
@@ -46,7 +46,7 @@ class _End(NamedTuple):
     speed: float
 
 
-def _span(motion: Motion, start: _End, end: _End) -> float:
+def _bound_span(motion: Motion, start: _End, end: _End) -> float:
     """Return a bound on the duration between two ends."""
     coarse, fine = (_on_grid(motion, start, end, cells) for cells in GRIDS)
     return fine - _OFF * max(0.0, coarse - fine)

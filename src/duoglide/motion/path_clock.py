@@ -16,7 +16,7 @@ from duoglide.arrays import as_number
 from duoglide.errors import InputError
 from duoglide.motion.stop_bounds import RateBounds, StopBounds
 
-_ROUNDING = 1e-9  # of the rate, which ruckig returns with errors near 1e-15
+_ROUNDING = 1e-9  # The rate may be wrong by so little: ruckig returns it with errors near 1e-15.
 
 
 class ClockState(enum.Enum):

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
+from duoglide.planning.tolerances import ROUNDING
 
 SAME = 1e-6  # relative; estimates of one time agree to some 1e-8 in long, badly conditioned paths
-_ROUNDING = 1e-9  # relative, of a quotient
 
 
 def less(one: float, other: float, within: float = 0.0) -> bool:
@@ -52,4 +52,4 @@ def whole(parts: float) -> int:
 
     The parts may be longer than asked for, by as little as rounding makes.
     """
-    return ceil(parts - _ROUNDING * max(1.0, abs(parts)))
+    return ceil(parts - ROUNDING * max(1.0, abs(parts)))

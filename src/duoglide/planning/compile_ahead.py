@@ -2,7 +2,7 @@
 
 numba makes the loops of planning once per machine, and keeps them. In one process it makes one
 after the other, and the very first plan waits for all of them. ``beside`` has another process make
-those of stops and brakes meanwhile: ``python -m duoglide.planning.compile_ahead``.
+those of stops and braking meanwhile: ``python -m duoglide.planning.compile_ahead``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-_LENGTH = 20.0  # of the move that is stopped and braked [mm]
+_LENGTH = 20.0  # [mm]; the move that is stopped is so long.
 _RAMP = 0.05  # a quarter of its time [s]
 
 
@@ -75,7 +75,7 @@ def _start() -> subprocess.Popen[bytes] | None:
 
 
 def main() -> None:
-    """Plan the stops and the brakes of a move that needs no solver."""
+    """Certify the stops and the braking of a move that needs no solver."""
     from duoglide.machine import Machine
     from duoglide.motion.motion import Motion
     from duoglide.motion.path.carriage import map_to_carriages

@@ -37,11 +37,6 @@ class Recorded:
     motion: Trajectory
     data: RunData
 
-    @property
-    def at_full_speed(self) -> bool:
-        """Whether the run went through its plan from start to end without a change of pace."""
-        return self.motion is self.plan
-
 
 def rebuild(log: Log) -> Recorded:
     """Return the motion of a run.

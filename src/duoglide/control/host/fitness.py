@@ -8,7 +8,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import ConfigError, DuoglideError, InputError, LimitError, PathError
-from duoglide.kinematics.home import room
+from duoglide.kinematics.headroom.room import room_at
 from duoglide.kinematics.model import inverse
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.motion.trajectory import Trajectory
@@ -23,6 +23,12 @@ _FEWEST = 200
 _SAME = 1e-6  # [mm] between the trajectory's carriages and those of this machine
 _LIMIT_RESERVE = 1.001  # what an audit allows
 _TOUCHING = -1e-6  # [mm] of room; planning keeps 1e-7 and more, on the exact path
+_ROOM_IN_WORDS = {
+    "clearance": "the reach or the clearance",
+    "travel": "the travel",
+    "order": "the carriage_width",
+    "keep_out": "the free space beside keep_out",
+}
 
 
 class LimitUse(NamedTuple):
@@ -113,16 +119,15 @@ def _require_geometry(machine: Machine, positions: FloatArray, carriages: FloatA
 
 
 def _require_room(machine: Machine, positions: FloatArray, times: FloatArray) -> None:
-    left = room(machine, positions)
-    worst = int(np.argmin(left))
-    if left[worst] < _TOUCHING:
+    worst, quantity, left = room_at(machine, positions).worst()
+    if left < _TOUCHING:
         where = ", ".join(f"{value:.3f}" for value in positions[worst])
         raise PathError(
-            f"at {times[worst]:.4f} s, ({where}) mm, the trajectory leaves this machine's reach,"
-            f" travel, clearance or free space by {-left[worst]:.4g} mm; plan it again",
+            f"at {times[worst]:.4f} s, ({where}) mm, the trajectory leaves"
+            f" {_ROOM_IN_WORDS[quantity]} of this machine by {-left:.4g} mm; plan it again",
             position=tuple(positions[worst].tolist()),
-            quantity="room",
-            amount=float(-left[worst]),
+            quantity=quantity,
+            amount=-left,
         )
 
 

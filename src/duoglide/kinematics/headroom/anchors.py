@@ -13,7 +13,7 @@ from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import reach_of
 from duoglide.machine import Machine
 
-_FARTHEST = 0.25  # of the leg's length
+_FARTHEST = 0.25  # No anchor is farther away than this share of the leg's length.
 _NEAREST = 1e-3  # [mm]
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]

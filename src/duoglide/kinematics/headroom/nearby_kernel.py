@@ -24,7 +24,7 @@ def third_side(one: float, other: float, cosine: float) -> float:
 
 
 @inlined
-def steepest(fixed: Two, foot: Two, rho: Two) -> float:
+def find_steepest(fixed: Two, foot: Two, rho: Two) -> float:
     """Return the largest |cos| of the angle between arm and strut, (l6^2 + rho^2 - E) / 2 l6 rho.
 
     Args:
@@ -58,7 +58,7 @@ def slopes(pose: Any, k: Any) -> tuple[float, float, float, float]:
 
 
 @inlined
-def farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
+def find_farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
     """Bound how far the platform goes, and how far it goes off its slopes; NaN if not at all.
 
     Args:
@@ -72,7 +72,7 @@ def farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
     h_low, rho_low = leg(l2, 0.5 * most_B), leg(l9, most_D)
     h_high = leg(l2, 0.5 * max(abs(B) - far_B, 0.0))
     rho_high = leg(l9, max(abs(D) - far_D, 0.0))
-    cosine = steepest((l6, F1), (lift + h_low, lift + h_high), (rho_low, rho_high))
+    cosine = find_steepest((l6, F1), (lift + h_low, lift + h_high), (rho_low, rho_high))
     sine = sqrt((1.0 - cosine) * (1.0 + cosine))
     dh, drho = 0.25 * most_B * far_B / h_low, most_D * far_D / rho_low
     way = third_side(dh, drho, cosine) / sine
@@ -106,7 +106,7 @@ def swing(patch: Any, position: FloatArray, k: Any, out: Any) -> None:
             across[i, w, 1] = zB * dB + zD * dD
             far_B += abs(dB)
             far_D += abs(dD)
-        reach[i], bow = farthest((B, D), (far_B, far_D), k)
+        reach[i], bow = find_farthest((B, D), (far_B, far_D), k)
         off[i] = bow + beyond[i, 3] * sqrt(xB * xB + zB * zB)
         off[i] += beyond[i, 4] * sqrt(xD * xD + zD * zD)
         if not off[i] < inf:

@@ -1,7 +1,8 @@
-"""How much room the machine has where its carriages stand: for motions made in carriage space.
+"""How much room the machine has where it stands: asked by its carriages, or by its platform.
 
-Everything here takes carriages, finds the platform by forward kinematics, and never raises: where
-the links do not close, or close in another assembly mode, there is no room.
+``room`` takes carriages, and finds the platform by forward kinematics: motions made in carriage
+space ask so. ``room_at`` takes positions of the platform. Neither raises: where the links do not
+close, or close in another assembly mode, there is no room.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ import numpy as np
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics import kernels
 from duoglide.kinematics.constants import carriage_constants
+from duoglide.kinematics.model import inverse, reachable
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
-from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.singularity import clearance, margins
 from duoglide.machine import Box, Machine
 
 TOUCHING = 1e-7  # [mm]; a margin this near to what is required counts as touching, and is refused
@@ -70,6 +72,27 @@ def locate(machine: Machine, carriages: FloatArray) -> tuple[FloatArray, BoolArr
 def room(machine: Machine, carriages: FloatArray) -> Room:
     """Measure the room at carriages of shape (..., 3)."""
     position, closed = locate(machine, carriages)
+    return _measure(machine, position, carriages, closed)
+
+
+def room_at(machine: Machine, position: FloatArray) -> Room:
+    """Measure the room at finite positions of the platform [mm], shape (..., 3).
+
+    Out of reach, where there are no carriages, travel and order are measured at 0 mm.
+    """
+    geometry = machine.geometry
+    inside = np.array(reachable(geometry, position))
+    carriages = np.zeros(position.shape)
+    carriages[inside] = inverse(geometry, position[inside])
+    sides = margins(geometry, position[inside])
+    own = inside.copy()
+    own[inside] = (sides.legs_flat > 0.0) & (sides.arm_strut > 0.0)  # its own assembly mode
+    return _measure(machine, position, carriages, own)
+
+
+def _measure(
+    machine: Machine, position: FloatArray, carriages: FloatArray, closed: BoolArray
+) -> Room:
     clear = np.full(closed.shape, -np.inf)
     if closed.any():
         clear[closed] = clearance(machine.geometry, position[closed]) - machine.clearance
@@ -79,7 +102,7 @@ def room(machine: Machine, carriages: FloatArray) -> Room:
         keep_out = np.minimum(keep_out, np.nan_to_num(distance, nan=-np.inf))
     return Room(
         clearance=clear,
-        travel=machine.geometry.rail_half_length - np.abs(carriages).max(axis=-1),
+        travel=machine.geometry.rail_half_length - np.abs(carriages).max(axis=-1, initial=0.0),
         order=carriages[..., 1] - carriages[..., 0] - machine.carriage_width,
         keep_out=keep_out,
     )

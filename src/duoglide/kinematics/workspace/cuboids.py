@@ -18,7 +18,7 @@ from duoglide.machine import Geometry
 
 Span: TypeAlias = tuple[FloatArray, FloatArray]  # from, to
 
-CELLS = 40  # of the coarse grid, along x and along z
+CELLS = 40  # The coarse grid has so many cells along x, and as many along z.
 SIDES = 17  # places of the left and of the right side at a time
 ZOOMS = 5
 

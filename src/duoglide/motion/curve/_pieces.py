@@ -1,9 +1,8 @@
-"""Values, powers and lengths of the pieces of a curve."""
+"""Powers and lengths of the pieces of a curve."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from math import cos, sin
 from typing import Any
 
 import numpy as np
@@ -12,24 +11,6 @@ from duoglide.arrays import FloatArray
 
 DERIVATIVES = 4  # position and three derivatives
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-
-
-def arc_at(rows: list[list[float]], local: float, span: float, rate: float) -> FloatArray:
-    """Evaluate one point of one arc or helix."""
-    advance = rows[3] if len(rows) > 3 else [0.0, 0.0, 0.0]
-    cosine, sine = cos(rate * local), sin(rate * local)
-    drop = 2.0 * sin(0.5 * rate * local) ** 2
-    result = ([], [], [], [])  # type: tuple[list[float], ...]
-    for axis in range(3):
-        first, second = rows[1][axis], rows[2][axis]
-        radial = first * cosine + second * sine
-        along = (second * cosine - first * sine) * rate
-        way = second * sine - first * drop + advance[axis] * (local / span)
-        result[0].append(rows[0][axis] + way)
-        result[1].append(along + advance[axis] / span)
-        result[2].append(-radial * rate * rate)
-        result[3].append(-along * rate * rate)
-    return np.array(result)
 
 
 @lru_cache

@@ -18,10 +18,13 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray, as_floats, read_only
 from duoglide.errors import InputError
-from duoglide.motion.curve._pieces import DERIVATIVES, arc_at, integral, power_tables, powers_of
+from duoglide.kinematics.kernels import in_numpy
+from duoglide.motion.curve._pieces import DERIVATIVES, integral, power_tables, powers_of
+from duoglide.motion.curve.jets import arc_jet, polynomial_jet
 
 _PANELS = 64  # at most, where |p'| nearly vanishes
 _LENGTH_ERROR = 1e-9  # [mm] of arc length, per piece
+_arc_columns = in_numpy(arc_jet)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,19 +157,9 @@ class Curve:
 
     def _arcs(self, local: FloatArray, index: Any) -> FloatArray:
         """Evaluate arcs and three derivatives."""
-        rate = self.rates[index][:, None]
-        c = self.coefficients[index]
-        angle = rate * local[:, None]
-        cosine, sine = np.cos(angle), np.sin(angle)
-        radial = c[:, 1] * cosine + c[:, 2] * sine
-        along = (c[:, 2] * cosine - c[:, 1] * sine) * rate
-        way = c[:, 2] * sine - c[:, 1] * (2.0 * np.sin(0.5 * angle) ** 2)
-        second, third = -radial * rate**2, -along * rate**2
-        if c.shape[1] > 3:
-            span = self.spans[index][:, None]
-            way = way + c[:, 3] * (local[:, None] / span)
-            along = along + c[:, 3] / span
-        return np.stack([c[:, 0] + way, along, second, third], axis=-2)
+        c = self.coefficients[index].swapaxes(0, 1)
+        span, rate = self.spans[index][:, None], self.rates[index][:, None]
+        return np.stack(_arc_columns(c, local[:, None], span, rate), axis=-2)
 
     def _at(self, sigma: float, piece: int | None) -> FloatArray:
         """Evaluate one point in plain floats: several times quicker than arrays of one row."""
@@ -174,24 +167,10 @@ class Curve:
         sigma = min(max(sigma, 0.0), breaks[-1])
         index = min(bisect_right(breaks, sigma) - 1, len(spans) - 1) if piece is None else piece
         local, span, rate = sigma - breaks[index], spans[index], rates[index]
-        rows = self.coefficients[index].tolist()
+        axes = self.coefficients[index].T.tolist()
         if rate > 0.0:
-            return arc_at(rows, local, span, rate)
-        u, w = local / span, 1.0 / span
-        first, second, third = w, 2.0 * w * w, 6.0 * w * w * w
-        result = ([], [], [], [])  # type: tuple[list[float], ...]
-        for axis in range(3):
-            p, d1, d2, d3 = rows[-1][axis], 0.0, 0.0, 0.0
-            for k in range(len(rows) - 2, -1, -1):
-                d3 = d3 * u + d2
-                d2 = d2 * u + d1
-                d1 = d1 * u + p
-                p = p * u + rows[k][axis]
-            result[0].append(p)
-            result[1].append(d1 * first)
-            result[2].append(d2 * second)
-            result[3].append(d3 * third)
-        return np.array(result)
+            return np.array([arc_jet(c, local, span, rate) for c in axes]).T
+        return np.array([polynomial_jet(c, local, span) for c in axes]).T
 
     def position(self, sigma: float | FloatArray) -> FloatArray:
         """Return the position at ``sigma`` [mm], shape (..., 3)."""

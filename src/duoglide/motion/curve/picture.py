@@ -20,7 +20,7 @@ from duoglide.motion.curve.curve import Curve
 
 _SAMPLES = 2000
 _LEAST = 5.0  # [mm] that a view shows on both sides of the middle, however flat the path is
-_STEPS = (1, 2, 5, 10)  # of the scales
+_STEPS = (1, 2, 5, 10)  # The scales have divisions of 1, 2 or 5 times a power of ten.
 _FAILURE: dict[str, Any] = {
     "color": "#cc0050",
     "markersize": 8.0,

@@ -14,7 +14,7 @@ from duoglide.motion.rounding.blend import nearest, quintics
 
 UNEVEN = 3.0  # the longer cut-back over the shorter, at most
 WIDEST = 0.5  # [rad] of an arc that a blend may take
-_EXACT = 1e-9  # relative, to which the tolerance is used, from below
+EXACT = 1e-9  # relative, to which the tolerance is used, from below
 _ROUNDS = 80
 
 IndexArray: TypeAlias = NDArray[np.intp]
@@ -96,7 +96,7 @@ def _fit(
     """Find the largest cut-backs within limits and tolerance; tells where the tolerance decided."""
     limit_a, limit_b = np.minimum(limit_a, UNEVEN * limit_b), np.minimum(limit_b, UNEVEN * limit_a)
     left, shape = corners.left[which], corners.shape[which]
-    goal = corners.tolerance[which] * (1.0 - _EXACT)
+    goal = corners.tolerance[which] * (1.0 - EXACT)
 
     corner = curve.position(curve.breaks[left + 1])
 
@@ -117,12 +117,12 @@ def _fit(
         low, high = np.where(over, low, cut), np.where(over, cut, high)
         met[rows] |= over
         result[rows] = low
-        near = (~over & (value >= (1.0 - _EXACT) * goal[rows])) | (high - low < 1e-15 * high)
+        near = (~over & (value >= (1.0 - EXACT) * goal[rows])) | (high - low < 1e-15 * high)
         met[rows] |= near & (high > low)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             if turn:
                 power = np.log(value / known) / np.log(cut / known_cut)
-            step = cut * (goal[rows] * (1.0 - 0.1 * _EXACT) / value) ** (1.0 / power)
+            step = cut * (goal[rows] * (1.0 - 0.1 * EXACT) / value) ** (1.0 / power)
         usable = np.isfinite(step) & (step > low) & (step < high)
         following = np.where(usable, step, np.where(met[rows], 0.5 * (low + high), high))
         going = np.flatnonzero(~near & (following != cut))

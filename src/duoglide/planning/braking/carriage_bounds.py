@@ -1,9 +1,8 @@
 """How fast velocity and acceleration of the carriages may change in parts of a motion.
 
 The bounds hold between samples. On a checked path they follow from those of the curve's derivatives
-(Bernstein coefficients) and of the profile's, through the closed form: R = sqrt(L^2 - w) has
-
-    R' = -(w'/2) / R,   R'' = -(w''/2 + R'^2) / R,   R''' = -(w'''/2 + 3 R' R'') / R.
+(Bernstein coefficients) and of the profile's, through the closed form, root by root: see
+``kinematics.derivatives``.
 
 A transfer consists of cubic polynomials of the time. B and D have bounds of their own: they do not
 change at all where the platform moves along the rails, however fast the carriages are.
@@ -18,14 +17,17 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.compiled import compiled, inlined
+from duoglide.kinematics.compiled import compiled, share
 from duoglide.kinematics.constants import pose_constants
+from duoglide.kinematics.derivatives import root_bounds
 from duoglide.kinematics.headroom.nearby import with_pairs
 from duoglide.kinematics.modes import WORKING
 from duoglide.motion.curve.bounds import bernstein, curve_bounds
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
+
+share(root_bounds)
 
 Rates: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # bounds on three derivatives
 
@@ -52,11 +54,11 @@ class CarriageBounds:
         """Bound every piece of the curve and of the profile."""
         path = motion.path
         if isinstance(path, TransferPath):
-            curve, breaks = transfer_rates(path), path.breaks
+            curve, breaks = bound_transfer(path), path.breaks
         else:
             bounds = curve_bounds(path.curve)
             curve, breaks = (bounds.first, bounds.second, bounds.third), path.curve.breaks
-        return cls(motion, curve, breaks, _profile_rates(motion.profile))
+        return cls(motion, curve, breaks, _bound_profile(motion.profile))
 
     def within(self, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Bound second and third derivatives by time from ``start`` to ``end`` [s], (n,) each.
@@ -66,10 +68,10 @@ class CarriageBounds:
             link may not suffice.
         """
         motion = self.motion
-        s1, s2, s3 = _over(motion.profile.knots[:, TIME], self.profile, start, end)
+        s1, s2, s3 = _largest_over(motion.profile.knots[:, TIME], self.profile, start, end)
         middle = 0.5 * (start + end)
         sigma = motion.profile.at(np.stack([start, middle, end]))[..., 0]
-        c1, c2, c3 = _over(self.breaks, self.curve, sigma[0], sigma[2])
+        c1, c2, c3 = _largest_over(self.breaks, self.curve, sigma[0], sigma[2])
         rates = c1 * s1, c2 * s1**2 + c1 * s2, c3 * s1**3 + 3.0 * c2 * s1 * s2 + c1 * s3
         if isinstance(motion.path, TransferPath):
             return rates[1], rates[2]
@@ -79,7 +81,7 @@ class CarriageBounds:
         return out
 
 
-def transfer_rates(path: TransferPath) -> Rates:
+def bound_transfer(path: TransferPath) -> Rates:
     """Bound the derivatives of carriages 1 to 3, B and D in each piece of a transfer, (n, 5)."""
     table = with_pairs(path.polynomials[:, 1:])
     steps = np.diff(path.breaks)[:, None]
@@ -89,7 +91,7 @@ def transfer_rates(path: TransferPath) -> Rates:
     return np.abs(bernstein(2) @ first).max(axis=1), second, np.abs(third)
 
 
-def _profile_rates(profile: Profile) -> Rates:
+def _bound_profile(profile: Profile) -> Rates:
     """Bound the derivatives of sigma in each piece of a profile, (m, 1), from its Bezier points."""
     h, rise = np.diff(profile.knots[:, : SIGMA + 1], axis=0).T
     speed, rate = profile.knots[:, SPEED] / 5.0, profile.knots[:, ACCELERATION] / 20.0
@@ -105,7 +107,7 @@ def _profile_rates(profile: Profile) -> Rates:
     return found[0], found[1], found[2]
 
 
-def _over(breaks: FloatArray, rates: Rates, start: FloatArray, end: FloatArray) -> Rates:
+def _largest_over(breaks: FloatArray, rates: Rates, start: FloatArray, end: FloatArray) -> Rates:
     """Return the largest of each bound in all pieces that parts touch."""
     last = len(breaks) - 2
     low = np.clip(np.searchsorted(breaks, start, side="left") - 1, 0, last)
@@ -115,23 +117,6 @@ def _over(breaks: FloatArray, rates: Rates, start: FloatArray, end: FloatArray) 
         np.maximum.reduceat(np.concatenate([bound, bound[-1:]]), slices)[::2] for bound in rates
     )
     return one, two, three
-
-
-@inlined
-def root_bounds(low: float, square: Any, one: Any, other: Any) -> tuple[float, float, float]:
-    """Bound three derivatives of a root R >= low of L^2 - a^2 - b^2.
-
-    Args:
-        low: Least R.
-        square: Bounds on a and b.
-        one: Bounds on the derivatives of a.
-        other: Bounds on those of b.
-    """
-    (a, b), (a1, a2, a3), (b1, b2, b3) = square, one, other
-    r1 = (a * a1 + b * b1) / low
-    r2 = (a1 * a1 + a * a2 + b1 * b1 + b * b2 + r1 * r1) / low
-    r3 = (3.0 * (a1 * a2 + b1 * b2 + r1 * r2) + a * a3 + b * b3) / low
-    return r1, r2, r3
 
 
 @compiled

@@ -1,13 +1,13 @@
-"""Cells of brakes: which instant of a plan they begin at, how late, and how long ago.
+"""Cells of drive stops: which instant of a plan they begin at, how late, and how long ago.
 
-A brake takes carriage i to q + v c + G(v, t): q and v are those of the plan at the instant u of the
-last setpoint, c is how long the drive has gone on then, t how long it has braked since. G is once
-continuously differentiable: dG/dv is how long the carriage would have moved at v, dG/dt the
-velocity that is left. So a cell is a patch: the slopes by u, c and t take the carriages straight to
-its sides, and second derivatives bound what is off these ways. While braking those of G are
-(d2G/dt2, d2G/dv dt, d2G/dv2) = (-+d, 1, 0), at rest (0, 0, +-1/d), with d the deceleration. Where
-two carriages do the same, so that the platform goes along the rails, the bounds of their difference
-are those of what they do not do together.
+A drive that stops by itself takes carriage i to q + v c + G(v, t): q and v are those of the plan at
+the instant u of the last setpoint, c is how long the drive has gone on then, t how long it has
+braked since. G is once continuously differentiable: dG/dv is how long the carriage would have moved
+at v, dG/dt the velocity that is left. So a cell is a patch: the slopes by u, c and t take the
+carriages straight to its sides, and second derivatives bound what is off these ways. While braking
+those of G are (d2G/dt2, d2G/dv dt, d2G/dv2) = (-+d, 1, 0), at rest (0, 0, +-1/d), with d the
+deceleration. Where two carriages do the same, so that the platform goes along the rails, the bounds
+of their difference are those of what they do not do together.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ _CURVED = 100.0  # mm: radius to which ways of the carriages bend those of the p
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Brakes:
-    """Brakes of all three drives at once, each by itself.
+class DriveStops:
+    """Stops of all three drives at once, each by itself.
 
     Attributes:
         machine: Whose drives brake.
-        q: Carriages when the brake begins [mm], shape (n, 3).
+        q: Carriages when the stop begins [mm], shape (n, 3).
         v: Their velocities then [mm/s], shape (n, 3).
         coast: How long they go on at these velocities first [s], shape (n,).
     """
@@ -120,7 +120,7 @@ class Columns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BrakeCells:
-    """Cells of brakes: an interval of the plan, one of the time until all brake, and one since.
+    """Cells of drive stops: an interval of the plan, one of the time until all brake, one since.
 
     The last two are never both longer than nothing.
 
@@ -141,7 +141,7 @@ class BrakeCells:
 
     @classmethod
     def cover(cls, bounds: CarriageBounds, edges: FloatArray, phases: int) -> BrakeCells:
-        """Cover the brakes out of ``edges`` [s]: at once, one cycle late, and that cycle."""
+        """Cover the stops out of ``edges`` [s]: at once, one cycle late, and that cycle."""
         drives = bounds.motion.machine.drives
         columns = Columns.between(bounds, edges)
         lasting = columns.lasting(drives.quick_stop_deceleration)
@@ -172,14 +172,14 @@ class BrakeCells:
         most = np.array([motion.duration, motion.machine.drives.cycle, np.inf])
         return np.clip(times, 0.0, most)
 
-    def brakes(self, times: FloatArray) -> FloatArray:
-        """Return the carriages of single brakes, times and places of shape (n, 3)."""
+    def carriages_at(self, times: FloatArray) -> FloatArray:
+        """Return the carriages of single stops, times and places of shape (n, 3)."""
         motion, (u, coast, t) = self.bounds.motion, times.T
         state = motion.at(u)
-        brakes = Brakes(motion.machine, state.carriages, state.velocity, coast)
-        lasting = brakes.lasting
+        stops = DriveStops(motion.machine, state.carriages, state.velocity, coast)
+        lasting = stops.lasting
         share = np.divide(coast + t, lasting, out=np.zeros_like(t), where=lasting > 0.0)
-        return brakes.at(np.minimum(share, 1.0))
+        return stops.at(np.minimum(share, 1.0))
 
     def cut(self, rows: IndexArray, patch: Patch) -> BrakeCells:
         """Cut some cells, each along the sides that bend most.

@@ -3,10 +3,10 @@
 If the host dies, each drive goes on for at most one cycle at the velocity of its last setpoint (it
 bridges one lost setpoint) and then brakes at its own quick-stop deceleration (0x6085). The
 carriages stop at different times, so the platform leaves its path. Where it then goes depends on
-where the brake begins and how fast the carriages are, not on how the plan would have gone on: so
-each point of the path has its largest safe speed.
+where the drives begin to brake and how fast the carriages are, not on how the plan would have gone
+on: so each point of the path has its largest safe speed.
 
-The report is a certificate: brakes between two samples are bounded, not guessed. Cells of (instant
+The report is a certificate: stops between two samples are bounded, not guessed. Cells of (instant
 of the last setpoint, time until all brake, time since) are cut until the room that each is certain
 to keep is enough, and near the least room of all samples.
 """
@@ -23,27 +23,26 @@ from duoglide.kinematics.headroom.room import Room, locate, room
 from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
 from duoglide.planning.braking.carriage_bounds import CarriageBounds
-from duoglide.planning.braking.cells import PARTS, BrakeCells, Brakes
+from duoglide.planning.braking.cells import PARTS, BrakeCells, DriveStops
 from duoglide.planning.compare import first_least, whole
+from duoglide.planning.tolerances import CHUNK, NANOMETRE
 
-__all__ = ["ALLOWED", "BrakeReport", "Brakes", "brake_report"]
+__all__ = ["ALLOWED", "BrakeReport", "DriveStops", "brake_report"]
 
 ALLOWED = 1e-3  # mm that rounding and bounding may take from what the machine asks for
 _CELL = 0.004  # s of the plan, at the least
-_STEP = 1.0 / 16.0  # of the leg's length: way of a carriage, which a cell may be as well
+_STEP = 1.0 / 16.0  # A cell may be as long as a carriage takes for this share of a leg's length.
 _FEWEST = 8
-_PHASES = 3  # cells of the time from brake to standstill
-_CHUNK = 4_000  # cells of the plan at a time
-_SHARP = 0.02  # of the clearance, to which the least one is found
-_SMALL = 1.0 / 160.0  # of the leg's length: a clearance that is less is found no more sharply
+_PHASES = 3  # The time from the start of a stop to standstill is cut into so many cells.
+_SHARP = 0.02  # The least clearance is found to this share of it.
+_SMALL = 1.0 / 160.0  # Below this share of a leg's length, a clearance is found no more sharply.
 _DESCENTS = 3
 _AROUND = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)], indexing="ij"), axis=-1).reshape(
     -1, 3
 )
-_BLUNT = 1.0 / 320.0  # of the leg's length: the same where the plan is not safe anyway
+_BLUNT = 1.0 / 320.0  # Where the plan is not safe anyway, this share of a leg's length is enough.
 _MOST = 200_000  # cells that are looked at in one chunk
-_PATIENT = 60_000  # of them, after which nothing counts but whether all is kept
-_FINEST = 1e-6  # mm: a cell that is no farther across is as good as its middle
+_PATIENT = 60_000  # After so many cells, only whether all is kept still counts.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +55,7 @@ class BrakeReport:
         room: Least of what is left of clearance, travel, order and keep-out distance [mm], a lower
             bound as well.
         quantity: Of which of them that is.
-        time: When the worst brake that was seen begins [s].
+        time: When the worst stop that was seen begins [s].
         after: How long after that its least room is reached [s].
         position: Where the platform is then [mm]; NaN where the links come apart.
     """
@@ -75,7 +74,7 @@ class BrakeReport:
 
 
 def brake_report(motion: Motion) -> BrakeReport:
-    """Bound the room at every instant of every brake out of every instant of ``motion``.
+    """Bound the room at every instant of every drive stop out of every instant of ``motion``.
 
     In a safe plan, the bounds are within 2 % of the clearance of the truth, or 1/8000 of the leg's
     length if that is more; right beside a singularity, where that would take very many cells, they
@@ -89,8 +88,8 @@ def brake_report(motion: Motion) -> BrakeReport:
     edges = np.linspace(0.0, duration, count + 1)
     bounds = CarriageBounds.of(motion)
     search = _Search(motion.machine)
-    for begin in range(0, count, _CHUNK):
-        search.look(BrakeCells.cover(bounds, edges[begin : begin + _CHUNK + 1], _PHASES))
+    for begin in range(0, count, CHUNK):
+        search.look(BrakeCells.cover(bounds, edges[begin : begin + CHUNK + 1], _PHASES))
     return search.report()
 
 
@@ -98,7 +97,7 @@ class _Search:
     """Looks for the least room: what samples have, and what is certain.
 
     Args:
-        machine: Whose brakes these are.
+        machine: Whose drives stop.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -128,7 +127,7 @@ class _Search:
             spent = _MOST - left + PARTS * int(open_.sum())
             self._patient = spent < _PATIENT
             if spent < (_MOST if self._seen > -ALLOWED else _PATIENT):
-                open_ &= ~(patch.reach()[:, :3].max(axis=-1) <= _FINEST)
+                open_ &= ~(patch.reach()[:, :3].max(axis=-1) <= NANOMETRE)
             else:
                 open_[:] = False
             self._sure = min(self._sure, float(least[~open_].min(initial=np.inf)))
@@ -153,7 +152,7 @@ class _Search:
 
         Args:
             here: Room of samples.
-            times: When their brakes begin, and since when, in two parts, shape (n, 3).
+            times: When their stops begin, and since when, in two parts, shape (n, 3).
             carriages: Where they are, shape (n, 3).
         """
         index, quantity, amount = here.worst()
@@ -172,7 +171,7 @@ class _Search:
         place, step = cells.times[index], cells.sides[index]
         for _ in range(_DESCENTS):
             times = cells.within(place + _AROUND * step)
-            carriages = cells.brakes(times)
+            carriages = cells.carriages_at(times)
             here = room(self._machine, carriages)
             self._note(here, times, carriages)
             place, step = times[first_least(here.clearance)], 0.4 * step

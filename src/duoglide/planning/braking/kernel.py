@@ -1,8 +1,8 @@
-"""Where brakes are in cells, to the second order: one loop, compiled.
+"""Where drive stops are in cells, to the second order: one loop, compiled.
 
-G(v, t) is how far a drive goes that has braked for t from the velocity v: see ``_brake_cells``. Its
-slope by v is the lesser of t and |v| / d, so that two drives with the same deceleration differ by
-at most that times the difference of their velocities: nothing, along the rails.
+G(v, t) is how far a drive goes that has braked for t from the velocity v: see ``braking.cells``.
+Its slope by v is the lesser of t and |v| / d, so that two drives with the same deceleration differ
+by at most that times the difference of their velocities: nothing, along the rails.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Slow a plan down where drives that brake by themselves would break reach or clearance."""
+"""Slow a plan down where drives that stop by themselves would break reach or clearance."""
 
 from __future__ import annotations
 
@@ -15,26 +15,25 @@ from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.transfer import TransferPath
-from duoglide.planning.braking.certificate import ALLOWED, BrakeReport, Brakes, brake_report
+from duoglide.planning.braking.certificate import ALLOWED, BrakeReport, DriveStops, brake_report
 from duoglide.planning.compare import whole
 from duoglide.planning.timing.use import peaks
+from duoglide.planning.tolerances import CHUNK, NO_CAP
 
 Retime = Callable[[FloatArray, FloatArray], Motion]
 """Time the same curve again under a cap on d sigma/dt: sigma (n,) and the cap there (n,), linear in
 between, ``NO_CAP`` where there is none."""
 
-NO_CAP = 1e12  # mm/s
 
-_MARGIN = 1.0 / 320.0  # of the leg's length, that caps keep beyond each bound
-_SHARE = 0.5  # at most, of what the path itself has there
-_SPENT = 0.6  # of what brakes may take from a bound: the rest is for what lies between samples
-_HARMLESS = 2e-4  # mm: no brake that is over within this needs a cap
+_MARGIN = 1.0 / 320.0  # Caps keep this share of the leg's length beyond each bound.
+_SHARE = 0.5  # They keep at most this share of the room that the path itself has.
+_SPENT = 0.6  # Samples may take this share of ``ALLOWED``; what lies between them has the rest.
+_HARMLESS = 2e-4  # [mm]; a stop that is over within this way needs no cap.
 _HALVINGS = 10
-_FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # of the time from brake to standstill
-_SAMPLE = 0.001  # s of the plan between two caps
+_FRACTIONS = np.linspace(0.0, 1.0, 17)[1:]  # A stop is looked at after these shares of its time.
+_SAMPLE = 0.001  # [s] of the plan lie between two caps.
 _FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
-_CHUNK = 2_000
-_NONE = -1e3  # mm, room where the links come apart
+_NONE = -1e3  # [mm]; stands for the room where the links come apart.
 _ROUNDS = 2
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
 _WIDER = 4.0  # times the margin each round: close to a bound, little is certain
@@ -62,9 +61,9 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
     for round_ in range(_ROUNDS if retime is not None else 0):
         if report.safe or retime is None:
             break
-        where, speed = _sampled(motion)
+        where, speed = _choose_samples(motion)
         caps = brake_caps(motion.path, where, speed, _WIDER**round_)
-        fresh = _widened(caps, speed) * _TIGHTER**round_
+        fresh = _widen(caps, speed) * _TIGHTER**round_
         if (fresh == NO_CAP).all():
             break  # samples are safe already: all of it has to be slower
         grid = np.union1d(sigma, where)
@@ -72,7 +71,7 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
         motion = retime(sigma, cap)
         report = brake_report(motion)
     if not report.safe:
-        motion, report = _slowed(motion)
+        motion, report = _slow_down(motion)
     cost = draft.duration if motion is not draft else 0.0
     told = replace(
         motion.report,
@@ -83,25 +82,25 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
     return Motion(motion.path, motion.profile, report=told)
 
 
-def _slowed(motion: Motion) -> tuple[Motion, BrakeReport]:
+def _slow_down(motion: Motion) -> tuple[Motion, BrakeReport]:
     """Stretch the whole of a motion in time until it is brake-safe.
 
     Raises:
         PathError: It never is: its path leaves less than bounds can tell from nothing.
     """
-    sigma, speed = _sampled(motion)
+    sigma, speed = _choose_samples(motion)
     good = float((speed / brake_caps(motion.path, sigma, speed)).max(initial=1.0))
-    slow, report = _stretched(motion, good)
+    slow, report = _stretch(motion, good)
     bad = good
     for k in range(_MOST_STRETCHES):
         if report.safe:
             break
         bad, good = good, good * _SLOWER ** (2**k)
-        slow, report = _stretched(motion, good)
+        slow, report = _stretch(motion, good)
     if report.safe:
         for _ in range(_BISECTIONS if good > _SLOWER**2 * bad else 0):
             middle = sqrt(bad * good)
-            less, told = _stretched(motion, middle)
+            less, told = _stretch(motion, middle)
             bad, good = (bad, middle) if told.safe else (middle, good)
             slow, report = (less, told) if told.safe else (slow, report)
         return slow, report
@@ -114,20 +113,20 @@ def _slowed(motion: Motion) -> tuple[Motion, BrakeReport]:
     )
 
 
-def _stretched(motion: Motion, factor: float) -> tuple[Motion, BrakeReport]:
-    """Return a motion that takes ``factor`` times as long, and what its brakes do."""
+def _stretch(motion: Motion, factor: float) -> tuple[Motion, BrakeReport]:
+    """Return a motion that takes ``factor`` times as long, and its report."""
     slow = Motion(motion.path, motion.profile.stretched(factor), report=motion.report)
     return slow, brake_report(slow)
 
 
-def _widened(caps: FloatArray, speed: FloatArray) -> FloatArray:
+def _widen(caps: FloatArray, speed: FloatArray) -> FloatArray:
     """Return the caps that count: those below the speed, and those beside them."""
     lower = np.pad(caps < speed, 1, mode="edge")
     counts = lower[:-2] | lower[1:-1] | lower[2:]
     return np.where(counts, caps, NO_CAP)
 
 
-def _sampled(motion: Motion) -> tuple[FloatArray, FloatArray]:
+def _choose_samples(motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return where on the curve to look, both ends included, and the speeds to ask for there.
 
     These are the largest ones near by: a cap must hold between two samples, and none is zero.
@@ -158,13 +157,13 @@ def brake_caps(
         at the result with ``brake_report``.
     """
     parts = [
-        _caps(path, sigma[begin : begin + _CHUNK], speed[begin : begin + _CHUNK], wider)
-        for begin in range(0, sigma.size, _CHUNK)
+        _find_caps(path, sigma[begin : begin + CHUNK], speed[begin : begin + CHUNK], wider)
+        for begin in range(0, sigma.size, CHUNK)
     ]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _caps(
+def _find_caps(
     path: CarriagePath | TransferPath, sigma: FloatArray, speed: FloatArray, wider: float
 ) -> FloatArray:
     states = path.derivatives(sigma)
@@ -175,27 +174,27 @@ def _caps(
     deceleration = np.array(machine.drives.quick_stop_deceleration)
     distance = (slope**2 / (2.0 * deceleration)).max(axis=-1)
     low = np.sqrt(_HARMLESS / np.maximum(distance, _HARMLESS))
-    safe = _safe(machine, q, slope, wanted)
+    safe = _keeps_room(machine, q, slope, wanted)
     low[safe] = 1.0
     rows = np.flatnonzero(low < 1.0)
     high = np.ones(sigma.size)
     for _ in range(_HALVINGS):  # of the ratio: the speed to begin with may be any times too high
         middle = np.sqrt(low[rows] * high[rows])
-        safe = _safe(machine, q[rows], middle[:, None] * slope[rows], wanted[rows])
+        safe = _keeps_room(machine, q[rows], middle[:, None] * slope[rows], wanted[rows])
         low[rows] = np.where(safe, middle, low[rows])
         high[rows] = np.where(safe, high[rows], middle)
     caps: FloatArray = speed * low
     return caps
 
 
-def _safe(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArray) -> BoolArray:
-    """Tell which brakes keep the room that is wanted, at 16 instants each, shape (n,)."""
+def _keeps_room(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArray) -> BoolArray:
+    """Tell which drive stops keep the room that is wanted, at 16 instants each, shape (n,)."""
     if not q.size:
         return np.zeros(0, dtype=bool)
     least = np.full(len(q), np.inf)
     for coast in (0.0, machine.drives.cycle):
-        brakes = Brakes(machine, q, v, np.full(len(q), coast))
-        places = np.stack([brakes.at(np.full(len(q), f)) for f in _FRACTIONS], axis=1)
+        stops = DriveStops(machine, q, v, np.full(len(q), coast))
+        places = np.stack([stops.at(np.full(len(q), f)) for f in _FRACTIONS], axis=1)
         here = np.maximum(room(machine, places).least(), _NONE)
         least = np.minimum(least, -peaks(-here))
     safe: BoolArray = least > wanted

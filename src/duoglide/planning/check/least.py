@@ -10,11 +10,11 @@ from duoglide.motion.path.checked import CheckReport, LeastMargin
 from duoglide.planning.check.judge import judge_points
 from duoglide.planning.check.rules import CLEARANCE, IndexArray, Intervals, Rules
 from duoglide.planning.check.search import first_intervals
+from duoglide.planning.tolerances import PICOMETRE
 
 _LOOKS = np.linspace(-1.0, 1.0, 17)  # at an interval, from its start to its end
 _MANY = 200  # intervals; of more than these, a few are looked at closely
 _KEPT = 6  # for each family
-_NOTHING = 1e-9  # [mm]; a deeper look that promises less than this is not worth it
 _CLOSER = np.linspace(-0.2, 0.2, 5)  # about where the least value is expected
 
 
@@ -22,17 +22,17 @@ def least_margins(rules: Rules) -> CheckReport:
     """Sample every interval with its ends, then look where parabolas through the samples lead."""
     names = (*rules.families, *FAMILIES)
     rows = np.arange(len(names))
-    intervals = _promising(rules, first_intervals(rules))
+    intervals = _select_promising(rules, first_intervals(rules))
     looks = intervals.middle[:, None] + intervals.half[:, None] * _LOOKS
     values = _measure(rules, looks.ravel()).reshape(*looks.shape, -1)
     guess, vertex = _vertices(values)
     chosen = np.minimum(guess, values.min(axis=1)).argmin(axis=0)
     best = values[chosen, :, rows].argmin(axis=1)
     least, where = values[chosen, best, rows], looks[chosen, best]
-    deeper = np.flatnonzero(guess[chosen, rows] < least - _NOTHING)
+    deeper = np.flatnonzero(guess[chosen, rows] < least - PICOMETRE)
     if deeper.size:
         there = vertex[chosen, rows][deeper]
-        found = _closer(rules, intervals[chosen[deeper]], deeper, there)
+        found = _look_closer(rules, intervals[chosen[deeper]], deeper, there)
         better = found[0] < least[deeper]
         least[deeper[better]], where[deeper[better]] = found[0][better], found[1][better]
     required = np.concatenate([rules.required, np.zeros(len(FAMILIES))])
@@ -46,7 +46,7 @@ def least_margins(rules: Rules) -> CheckReport:
     )
 
 
-def _closer(
+def _look_closer(
     rules: Rules, intervals: Intervals, family: IndexArray, vertex: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Find the least value of one family in each interval, about where it is expected.
@@ -67,7 +67,7 @@ def _closer(
     return table[best, rows], intervals.middle + intervals.half * looks[best, rows]
 
 
-def _promising(rules: Rules, intervals: Intervals) -> Intervals:
+def _select_promising(rules: Rules, intervals: Intervals) -> Intervals:
     """Keep, of very many intervals, those whose middles are the least of some family."""
     if intervals.middle.size <= _MANY:
         return intervals

@@ -20,11 +20,11 @@ from duoglide.motion.path.segments import show
 from duoglide.planning.check.judge import judge_points
 from duoglide.planning.check.rules import Rules
 from duoglide.planning.check.search import first_failure
+from duoglide.planning.tolerances import NANOMETRE
 
 SAMPLES = 1000  # to find how far a rule is broken
 SHIFT_SAMPLES = 60
 SHIFTS = np.arange(1.0, 60.01, 1.0)  # [mm] up and down
-START = 1e-6  # [mm] of sigma
 FINEST = 0.01  # [mm], to which an admissible height is found
 TRIES = 4
 ZOOMS = 4
@@ -48,12 +48,12 @@ class Breach:
 def refusal(rules: Rules, failed_at: float) -> PathError:
     """Explain why a curve is refused whose first bad point is at sigma = ``failed_at``."""
     curve = rules.curve
-    if failed_at < START and margins_at(rules, np.zeros(1)).min() < TOUCHING:
+    if failed_at < NANOMETRE and margins_at(rules, np.zeros(1)).min() < TOUCHING:
         failed_at = 0.0
     position = curve.position(failed_at)
     along = float(curve.arc_length(failed_at))
-    breach = _breach(rules, failed_at)
-    hints = [hint for hint in (_height(rules), _part(rules, failed_at)) if hint]
+    breach = _find_breach(rules, failed_at)
+    hints = [hint for hint in (_find_height(rules), _find_part(rules, failed_at)) if hint]
     where = f"first {along:.6g} mm along the path, at {show(position)} mm"
     return PathError(
         "; ".join([breach.text, where, *hints]),
@@ -90,7 +90,7 @@ def margins_at(rules: Rules, sigma: FloatArray) -> FloatArray:
     return judge_points(rules, rules.curve.position(sigma))
 
 
-def _breach(rules: Rules, failed_at: float) -> Breach:
+def _find_breach(rules: Rules, failed_at: float) -> Breach:
     """Name the rule that is broken first, and how far it is broken before it is kept again."""
     first = margins_at(rules, np.array([failed_at]))[0]
     family = int(np.argmax(first < TOUCHING))
@@ -102,11 +102,11 @@ def _breach(rules: Rules, failed_at: float) -> Breach:
     lacking = reach_of(points, rules.constants).lacking.max(axis=1)
     if lacking.max() > -TOUCHING:
         return _out_of_reach(rules, points[int(lacking.argmax())], float(lacking.max()))
-    worst, where = _closer(rules, family, sigma[stretch], values[stretch])
-    return _named(rules, family, worst, rules.curve.position(where))
+    worst, where = _zoom_in(rules, family, sigma[stretch], values[stretch])
+    return _put_in_words(rules, family, worst, rules.curve.position(where))
 
 
-def _closer(
+def _zoom_in(
     rules: Rules, family: int, sigma: FloatArray, values: FloatArray
 ) -> tuple[float, float]:
     """Find the least value, and where it is, between evenly spaced samples too."""
@@ -131,7 +131,7 @@ def _out_of_reach(rules: Rules, position: FloatArray, lacking: float) -> Breach:
     return Breach("reach", text, max(lacking, 0.0))
 
 
-def _named(rules: Rules, family: int, worst: float, position: FloatArray) -> Breach:
+def _put_in_words(rules: Rules, family: int, worst: float, position: FloatArray) -> Breach:
     """Put the worst margin into words."""
     machine, name, short = rules.machine, rules.families[family], max(-worst, 0.0)
     if name == "clearance":
@@ -158,7 +158,7 @@ def _named(rules: Rules, family: int, worst: float, position: FloatArray) -> Bre
     return Breach("keep_out", f"the path is {short:.3g} mm inside {name}", short)
 
 
-def _height(rules: Rules) -> str:
+def _find_height(rules: Rules) -> str:
     """Find the nearest height at which the same curve passes."""
     points = rules.curve.position(np.linspace(0.0, rules.curve.end, SHIFT_SAMPLES))
 
@@ -180,7 +180,7 @@ def _height(rules: Rules) -> str:
     return ""
 
 
-def _part(rules: Rules, failed_at: float) -> str:
+def _find_part(rules: Rules, failed_at: float) -> str:
     """Name a part of the curve that passes: what comes first, or the longest one after it."""
     along = float(rules.curve.arc_length(failed_at))
     if along > FINEST:

@@ -6,13 +6,12 @@ import numpy as np
 
 from duoglide.planning.check.judge import judge
 from duoglide.planning.check.rules import Intervals, Rules
+from duoglide.planning.tolerances import PICOMETRE, ROUNDING
 
 FIRST_LENGTH = 16.0  # [mm] of the intervals to begin with
 PARTS = 4  # into which an undecided interval is cut
 BLOCK = 32768  # intervals at a time, to bound the memory
 STRETCH = BLOCK * FIRST_LENGTH  # [mm] of sigma at a time, for the same reason
-ROUNDING = 1e-9  # of an interval: one that is longer by so little need not be two
-TINIEST = 1e-9  # [mm] of sigma; nothing shorter is cut
 
 
 def first_failure(rules: Rules, start: float = 0.0, end: float = np.inf) -> float:
@@ -44,7 +43,7 @@ def _first_within(rules: Rules, start: float, end: float) -> float:
         failed = verdict.failed
         if failed.any():
             failure = min(failure, float(block.middle[failed].min()))
-        undecided = ~verdict.certified & (block.half > TINIEST)
+        undecided = ~verdict.certified & (block.half > PICOMETRE)
         undecided &= block.middle - block.half < failure
         if undecided.any():
             stack.append(block[np.flatnonzero(undecided)].split(PARTS))

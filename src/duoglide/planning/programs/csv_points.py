@@ -39,11 +39,14 @@ def read_csv(text: str, tolerance: float = 0.0) -> Path:
     """
     lines = list(_lines(text))
     separator = _separator(lines)
-    rows = [_row(number, line, separator) for number, line in lines[_says(lines, separator) :]]
+    rows = [
+        _row(number, line, separator)
+        for number, line in lines[_names_separator(lines, separator) :]
+    ]
     header = [field.lower() for field in rows[0].fields] if rows else []
     has_header = header in (_COLUMNS, _COLUMNS[:3])
     rows = rows[has_header:]
-    points = [_judged(row, len(header) if has_header else len(_COLUMNS)) for row in rows]
+    points = [_read_row(row, len(header) if has_header else len(_COLUMNS)) for row in rows]
     _require_one_reading(rows, separator, has_header)
     if len(points) < 2:
         raise InputError(f"a path needs at least two points, got {len(points)}")
@@ -67,12 +70,12 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 
 def _separator(lines: list[tuple[int, str]]) -> str:
     """Return what parts the columns of the whole file."""
-    said = [s for s in _SEPARATORS if _says(lines, s)]
+    said = [s for s in _SEPARATORS if _names_separator(lines, s)]
     found = (s for s in _SEPARATORS if any(s in line for _, line in lines))
     return said[0] if said else next(found, ",")
 
 
-def _says(lines: list[tuple[int, str]], separator: str) -> bool:
+def _names_separator(lines: list[tuple[int, str]], separator: str) -> bool:
     """Whether the first line is that by which spreadsheet programs say what parts the columns."""
     return bool(lines) and lines[0][1].lower() == f"sep={separator}"
 
@@ -117,7 +120,7 @@ def _may_hold_decimal_comma(fields: list[str]) -> bool:
     )
 
 
-def _judged(row: _Row, columns: int) -> tuple[int, Point, float | None]:
+def _read_row(row: _Row, columns: int) -> tuple[int, Point, float | None]:
     """Read one line of coordinates."""
     values = [_number(row.line, field) for field in row.fields]
     if not 3 <= len(values) <= columns:

@@ -148,10 +148,10 @@ class _Interpreter:
             self.builder.act(SetOutput(axis, bit, m in (62.0, 64.0)))
         elif m == 66.0:
             axis, bit = _line_of(words, "M66")
-            level = _taken(words, "L", "M66 needs L3 (on) or L4 (off)")
+            level = _take(words, "L", "M66 needs L3 (on) or L4 (off)")
             if level not in (3.0, 4.0):
                 raise InputError(f"M66 L{level:g}: must be L3 (on) or L4 (off)")
-            timeout = _taken(words, "Q", "M66 needs Q, the longest time to wait [s]")
+            timeout = _take(words, "Q", "M66 needs Q, the longest time to wait [s]")
             self.builder.act(WaitInput(axis, bit, level == 3.0, timeout))
         else:
             raise InputError(
@@ -188,7 +188,7 @@ class _Interpreter:
 
     def _dwell_seconds(self, words: dict[str, float]) -> float:
         letter = "P" if "P" in words else "S"
-        seconds = _taken(words, letter, "G4 needs P or S, in seconds")
+        seconds = _take(words, letter, "G4 needs P or S, in seconds")
         if seconds < 0.0:
             raise InputError(f"G4 {letter}{seconds:g}: must be 0 s or above")
         if letter == "P" and seconds > 0.0 and self.notes.is_for_a_printer:
@@ -296,6 +296,7 @@ class _Frame:
         return ""
 
 
+<<<<<<< HEAD
 def _hint(words: Mapping[str, float], block: Block) -> str:
     """Say how to go on from words of no meaning."""
     if glued := [text.strip() for letter, text in block.glued.items() if letter in words]:
@@ -304,6 +305,9 @@ def _hint(words: Mapping[str, float], block: Block) -> str:
 
 
 def _taken(words: dict[str, float], letter: str, rule: str) -> float:
+=======
+def _take(words: dict[str, float], letter: str, rule: str) -> float:
+>>>>>>> r2-control
     """Take a word that has to be there."""
     if letter not in words:
         raise InputError(rule)
@@ -312,7 +316,7 @@ def _taken(words: dict[str, float], letter: str, rule: str) -> float:
 
 def _line_of(words: dict[str, float], name: str) -> tuple[int, int]:
     """Turn P into a drive and a bit of its digital lines."""
-    number = _taken(words, "P", f"{name} needs P, the number of the line")
+    number = _take(words, "P", f"{name} needs P, the number of the line")
     if number != int(number) or not 0 <= number < 3 * _BITS:
         raise InputError(f"{name} P{number:g}: must be a whole number from 0 to {3 * _BITS - 1}")
     return int(number) // _BITS + 1, int(number) % _BITS

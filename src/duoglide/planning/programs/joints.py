@@ -12,8 +12,9 @@ from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import COINCIDENT, Segment, distance, show
 from duoglide.motion.rounding.blend import Blend, Corner
-from duoglide.planning.programs.windows import ROUNDING, STRAIGHT
+from duoglide.planning.programs.windows import STRAIGHT
 from duoglide.planning.rounding.choice import choose_blends
+from duoglide.planning.tolerances import NANOMETRE
 
 _MANY = 5.0  # times the room for a seam; a blend that long may lose so much
 _FOLLOWING = 2  # segments of the next path that decide how long the blend into it may be
@@ -54,7 +55,7 @@ def entries(machine: Machine, paths: Iterable[Path], tolerance: float) -> Iterat
         passes = following is not None and _passes(current, following, tolerance)
         if passes or before is not None:
             beyond = following if passes else None
-            current, joint = _fixed(machine, before, current, beyond, tolerance)
+            current, joint = _fix_blends(machine, before, current, beyond, tolerance)
         else:
             joint = tolerance
         yield Entry(number, current, joint if passes else None)
@@ -88,16 +89,16 @@ def _passes(one: Path, other: Path, tolerance: float) -> bool:
     return round_corners(joint).curve.rests == ()
 
 
-def _leaving_room(joint: Corner, following: Segment) -> Corner:
+def _leave_room(joint: Corner, following: Segment) -> Corner:
     """Shorten a blend to half of the segment after it; if that is long, a seam has room too."""
     if not isinstance(joint, Blend):
         return joint
     half = 0.5 * distance(following.start, following.end)
-    room = half - STRAIGHT if half > _MANY * STRAIGHT + ROUNDING else half
+    room = half - STRAIGHT if half > _MANY * STRAIGHT + NANOMETRE else half
     return replace(joint, after=min(joint.after, room))
 
 
-def _fixed(
+def _fix_blends(
     machine: Machine,
     before: tuple[Segment, Corner] | None,
     path: Path,
@@ -134,5 +135,5 @@ def _fixed(
     inner = first + len(path.corners)
     joint: Corner = tolerance
     if following is not None:
-        joint = _leaving_room(fixed[inner], following.segments[0])
+        joint = _leave_room(fixed[inner], following.segments[0])
     return replace(path, corners=tuple(fixed[first:inner])), joint

@@ -131,14 +131,19 @@ def _name(given: object, keys: frozenset[str]) -> str:
     """Return a name as it is counted, or refuse it."""
     text = given.strip() if isinstance(given, str) else ""
     if _KEY.fullmatch(text) and not _WORD.fullmatch(text.upper()):
+<<<<<<< HEAD
         if text in keys or not _MEANINGS.isdisjoint(re.split("[-_]", text)):
             raise _refused(text, "says where or how to move")
+=======
+        if text in keys or text in _MEANINGS:
+            raise _refusal(text, "says where or how to move")
+>>>>>>> r2-control
         return text
     text = text.upper()
     if _G92_E.fullmatch(text):
         return "G92"
     if text.startswith("G92 "):
-        raise _refused(text, "moves the origin")
+        raise _refusal(text, "moves the origin")
     word = _WORD.fullmatch(text)
     if not word:
         raise InputError(f"ignore {given!r:.80}: not a word; words are as M104, E or G92")
@@ -147,11 +152,11 @@ def _name(given: object, keys: frozenset[str]) -> str:
         return _letter(letter)
     name = f"{letter}{float(number):g}"
     if letter == "G" and name not in _G:
-        raise _refused(name, "moves, offsets or changes how other words are read")
+        raise _refusal(name, "moves, offsets or changes how other words are read")
     if letter == "M" and float(number) in _READ_HERE:
-        raise _refused(name, "is obeyed here")
+        raise _refusal(name, "is obeyed here")
     if letter == "M" and float(number) in _NEVER:
-        raise _refused(name, _NEVER[float(number)])
+        raise _refusal(name, _NEVER[float(number)])
     if letter not in "GM":
         return _letter(letter)  # T1 is the word T
     return name
@@ -161,11 +166,11 @@ def _letter(letter: str) -> str:
     if letter in _LETTERS:
         return letter
     if letter in "XYZABCUVWIJKR":
-        raise _refused(letter, "moves")
-    raise _refused(letter, "belongs to the words that are read, or is none by itself")
+        raise _refusal(letter, "moves")
+    raise _refusal(letter, "belongs to the words that are read, or is none by itself")
 
 
-def _refused(name: str, why: str) -> InputError:
+def _refusal(name: str, why: str) -> InputError:
     return InputError(
         f"ignore {name}: it {why}; only words that neither move, offset nor change units can be"
         " skipped"

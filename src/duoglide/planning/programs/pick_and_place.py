@@ -56,10 +56,10 @@ def pick_and_place(
     turned = tolerance.turned() if isinstance(tolerance, Blend) else tolerance
     up, over = (a[0], a[1], top), (b[0], b[1], top)
     stations: list[tuple[Point, float | Blend]] = [
-        (_raised(a, depart, top, "depart"), 0.0),
+        (_raise_point(a, depart, top, "depart"), 0.0),
         (up, tolerance),
         (over, turned),
-        (_raised(b, approach, top, "approach"), 0.0),
+        (_raise_point(b, approach, top, "approach"), 0.0),
         (b, 0.0),
     ]
     points: list[Point] = [a]
@@ -72,8 +72,8 @@ def pick_and_place(
         raise InputError(f"pick and place are the same point {show(a)} mm, and lift is 0")
     path = Path.polyline(points, blends=corners[1:-1])
     pause = (Dwell(dwell),) if as_number(dwell, "dwell [s]") != 0.0 else ()
-    first = _listed(at_pick, "at_pick", "actions")
-    last = _listed(at_place, "at_place", "actions")
+    first = _iterate(at_pick, "at_pick", "actions")
+    last = _iterate(at_place, "at_place", "actions")
     return path.at(0, *first, *pause).at(-1, *last, *pause)
 
 
@@ -104,8 +104,8 @@ def picks(
     Raises:
         InputError: See ``pick_and_place``; names the station.
     """
-    turns = tuple(_listed(actions, "actions", "lists of actions"))
-    for i, (one, other) in enumerate(pairwise(_listed(stations, "stations", "points"))):
+    turns = tuple(_iterate(actions, "actions", "lists of actions"))
+    for i, (one, other) in enumerate(pairwise(_iterate(stations, "stations", "points"))):
         arrival = turns[i % len(turns)] if turns else ()
         pause = (Dwell(dwell),) if as_number(dwell, "dwell [s]") != 0.0 else ()
         try:
@@ -123,7 +123,7 @@ def chain(paths: Iterable[Path]) -> Path:
     Raises:
         InputError: There are none, or two do not meet, or their caps differ.
     """
-    parts = list(_listed(paths, "paths", "Paths"))
+    parts = list(_iterate(paths, "paths", "Paths"))
     if not parts:
         raise InputError("no paths to chain")
     first = parts[0]
@@ -148,7 +148,7 @@ def chain(paths: Iterable[Path]) -> Path:
     )
 
 
-def _listed(items: Iterable[_Item], name: str, of: str) -> Iterator[_Item]:
+def _iterate(items: Iterable[_Item], name: str, of: str) -> Iterator[_Item]:
     """Go through items one at a time, or refuse what is not many."""
     try:
         return iter(items)
@@ -156,7 +156,7 @@ def _listed(items: Iterable[_Item], name: str, of: str) -> Iterator[_Item]:
         raise InputError(f"{name} must be a list of {of}, got {items!r:.80}") from error
 
 
-def _raised(point: Point, height: float, top: float, name: str) -> Point:
+def _raise_point(point: Point, height: float, top: float, name: str) -> Point:
     """Return the point ``height`` above ``point``, or refuse one above the way across."""
     value = as_number(height, f"{name} [mm]")
     if not 0.0 <= value <= top - point[2]:

@@ -29,7 +29,6 @@ from duoglide.motion.path.segments import distance
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.programs.joints import Entry, entries
 from duoglide.planning.programs.windows import (
-    ROUNDING,
     Seam,
     before_joint,
     place_of_seam,
@@ -38,6 +37,7 @@ from duoglide.planning.programs.windows import (
     seam_at,
 )
 from duoglide.planning.timing.lead import Lead
+from duoglide.planning.tolerances import NANOMETRE
 
 Count = Callable[[int, float], None]
 """Told after each path how many are planned, and how long they take together [s]."""
@@ -133,15 +133,15 @@ class _Program:
         while self._reaches(1):
             window = self._window(most)
             try:
-                trajectory = self._planned(window)
+                trajectory = self._plan_window(window)
             except (PathError, LimitError) as error:
                 if isinstance(error, PathError) and window.count > 1:
                     most = window.count - 1  # all may be well before the path that is refused
                 elif self.held is None:
-                    raise _named(self.queue[0].number, error) from error
+                    raise _number_error(self.queue[0].number, error) from error
                 else:
                     part, count, rest = self.held
-                    self._pass(count, rest)
+                    self._advance(count, rest)
                     yield self.done, part.whole or part
                 continue
             most = _MOST_PATHS
@@ -149,7 +149,7 @@ class _Program:
                 yield self.done, self.held[0]
             seam = None if window.seam is None else seam_at(trajectory, window.seam)
             if seam is None:
-                self._pass(window.count, window.rest)
+                self._advance(window.count, window.rest)
                 yield self.done, trajectory
             else:
                 self._enter(seam, window)
@@ -179,22 +179,22 @@ class _Program:
             if not self._reaches(count + 1):
                 break
             path, count = path.then(self.queue[count].path, corner), count + 1
-            if _chords(path) < enough - ROUNDING:
+            if _chords(path) < enough - NANOMETRE:
                 continue
             until, rest = before_joint(path, self.queue[count - 1].corner)
             rounded = round_corners(until)
             seam = place_of_seam(rounded, until, max(float(rounded.waypoints[first]), ahead))
-            if seam is not None and seam + ahead <= rounded.curve.end + ROUNDING:
+            if seam is not None and seam + ahead <= rounded.curve.end + NANOMETRE:
                 return _Window(until, count, seam, rest)
         return _Window(path, count)
 
-    def _planned(self, window: _Window) -> Trajectory:
+    def _plan_window(self, window: _Window) -> Trajectory:
         lead = self.lead
         if window.seam is not None:
             lead = replace(lead or Lead(), ahead=window.seam)
         return plan_window(self.machine, window.path, lead, self.brake_safe)
 
-    def _pass(self, count: int, rest: Path | None) -> None:
+    def _advance(self, count: int, rest: Path | None) -> None:
         """Go to the rest at the end of so many paths, or where a part of the last one is left."""
         for _ in range(count - (rest is not None)):
             self.done = self.queue.popleft().number
@@ -225,7 +225,7 @@ def _stopping_distance(machine: Machine) -> float:
     return _FARTHER * float(way.max())
 
 
-def _named(number: int, error: PathError | LimitError) -> DuoglideError:
+def _number_error(number: int, error: PathError | LimitError) -> DuoglideError:
     """Return the error with the path's number in front."""
     if not isinstance(error, PathError):
         return LimitError(f"path {number}: {error}")

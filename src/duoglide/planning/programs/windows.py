@@ -24,10 +24,10 @@ from duoglide.planning.stops.certificate import stop_bounds, stop_bounds_until
 from duoglide.planning.timing.lead import Lead
 from duoglide.planning.timing.time_path import time_path
 from duoglide.planning.timing.timed_curve import SigmaCap
+from duoglide.planning.tolerances import NANOMETRE
 
 STRAIGHT = 4.0  # mm that a straight piece has at least where a seam is
-ROUNDING = 1e-6  # mm; no window, seam or blend is decided by so little
-_SHARE = 0.3  # of it, that comes before the seam
+_SHARE = 0.3  # This share of a straight piece comes before the seam.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +68,7 @@ def plan_window(machine: Machine, path: Path, lead: Lead | None, brake_safe: boo
     if brake_safe:
 
         def retimed(sigma: FloatArray, speed: FloatArray) -> Motion:
-            return time_path(carriages, sigma_cap=lead.lifted(SigmaCap(sigma, speed)), lead=lead)
+            return time_path(carriages, sigma_cap=lead.lift(SigmaCap(sigma, speed)), lead=lead)
 
         motion = make_brake_safe(motion, retimed)
         if motion.profile.knots[0, SPEED] != lead.speed:
@@ -116,7 +116,7 @@ def place_of_seam(rounded: RoundedPath, path: Path, low: float) -> float | None:
     """
     curve = rounded.curve
     straight = (curve.rates == 0.0) & (np.abs(curve.coefficients[:, 2:]).max(axis=(1, 2)) == 0.0)
-    long = straight & (curve.breaks[:-1] >= low - ROUNDING) & (curve.spans >= STRAIGHT - ROUNDING)
+    long = straight & (curve.breaks[:-1] >= low - NANOMETRE) & (curve.spans >= STRAIGHT - NANOMETRE)
     for piece in np.flatnonzero(long).tolist():
         sigma = float(curve.breaks[piece] + _SHARE * curve.spans[piece])
         if isinstance(path.segments[_segment_at(rounded.waypoints, sigma)], Line):

@@ -21,6 +21,7 @@ from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import RoundedPath, round_corners
 from duoglide.motion.path.segments import Line
 from duoglide.motion.rounding.blend import Blend
+from duoglide.motion.rounding.cut_backs import EXACT
 from duoglide.planning.compare import less
 from duoglide.planning.timing.span import Rough, estimate
 from duoglide.planning.timing.timed_curve import TimedCurve
@@ -39,7 +40,6 @@ _FLAT = 1e-5  # of the time; a parabola that bends less has no peak worth going 
 _EQUAL = 1e-6  # relative; two lines whose lengths differ by less are equally long
 _CELLS = 32
 _MOST_CORNERS = 40  # for more of them no trials are made
-_EXACT = 1e-9  # relative, to which a tolerance is used, from below
 _ALIKE = 1e-12  # relative, of two cut-backs that are one
 _COARSE = 10  # parts of a blend in which its nearest point is looked for
 _GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
@@ -82,7 +82,7 @@ class _Corner:
     def blend(self, style: Style) -> Blend:
         """Return the blend of a style that uses the whole tolerance, or the room that there is."""
         balance = exp(self.side * style.balance)
-        scale = (1.0 - _EXACT) * self.tolerance / self._deviation(balance, 1.0, style.shape)
+        scale = (1.0 - EXACT) * self.tolerance / self._deviation(balance, 1.0, style.shape)
         before, after = balance * scale, scale
         if before > self.room[0]:
             before = self.room[0]
@@ -95,7 +95,7 @@ class _Corner:
 
     def _longest(self, deviation: Callable[[float], float]) -> float:
         """Return the longest cut-back beside a given one that keeps the tolerance."""
-        goal = self.tolerance * (1.0 - _EXACT)
+        goal = self.tolerance * (1.0 - EXACT)
         low, high = 0.0, max(self.room)
         under, over = -goal, deviation(high) - goal
         if over <= 0.0:
@@ -103,7 +103,7 @@ class _Corner:
         while high - low > _ALIKE * high:  # regula falsi (Illinois)
             cut = (low * over - high * under) / (over - under)
             here = deviation(cut) - goal
-            if abs(here) <= 0.1 * _EXACT * goal:
+            if abs(here) <= 0.1 * EXACT * goal:
                 return cut
             if here < 0.0:
                 low, under, over = cut, here, 0.5 * over

@@ -24,6 +24,7 @@ from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import RateTable, StopBounds
 from duoglide.planning.compare import first_least, whole
 from duoglide.planning.stops.kernel import largest_slopes, windows
+from duoglide.planning.tolerances import CHUNK
 
 CELL = 0.002  # s of path time, at the least
 _CELLS_A_STOP = 40  # that are enough, if stops are so slow
@@ -35,7 +36,6 @@ _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in w
 # below 1/2 every term is smaller than at 1/2
 _LIMITED = ("acceleration", "jerk")
 _MOST_CELLS = 100_000
-_CHUNK = 4_000
 
 
 def stop_bounds(motion: Motion) -> StopBounds:
@@ -48,8 +48,8 @@ def stop_bounds(motion: Motion) -> StopBounds:
     duration = motion.duration
     if duration <= 0.0:
         return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
-    cells = whole(duration / _cell(motion))
-    falling, rising = (_table(allowed, duration) for allowed in _allowed(motion, cells))
+    cells = whole(duration / _cell_length(motion))
+    falling, rising = (_table(allowed, duration) for allowed in _find_slopes(motion, cells))
     return StopBounds(duration, falling, rising)
 
 
@@ -60,18 +60,18 @@ def stop_bounds_until(motion: Motion, end: float) -> StopBounds:
         motion: The whole of it, to rest.
         end: Where another motion takes over, unless a change is under way [s], above 0.
     """
-    first = whole(end / _cell(motion))
+    first = whole(end / _cell_length(motion))
     cells = whole(motion.duration / (end / first))
-    longer = _resting(motion, end / first * cells)
+    longer = _prolong(motion, end / first * cells)
     tables = []
-    for allowed in _allowed(longer, cells):
+    for allowed in _find_slopes(longer, cells):
         table = _table(allowed, longer.duration)
         reach = np.minimum(table.until, motion.duration)
         tables.append(RateTable(table.slope[:first], table.bend[:first], reach[:first]))
     return StopBounds(end, *tables)
 
 
-def _resting(motion: Motion, duration: float) -> Motion:
+def _prolong(motion: Motion, duration: float) -> Motion:
     """Return a motion that rests at its end until it has taken so long [s]."""
     profile, seconds = motion.profile, duration - motion.duration
     if seconds <= 0.0:
@@ -79,7 +79,7 @@ def _resting(motion: Motion, duration: float) -> Motion:
     return Motion(motion.path, Profile.joined([profile, Profile.rest(profile.end, seconds)]))
 
 
-def _cell(motion: Motion) -> float:
+def _cell_length(motion: Motion) -> float:
     """Return how long a cell of path time lasts, at most [s]."""
     least = _least_stop(motion) / _CELLS_A_STOP
     return max(CELL, motion.duration / _MOST_CELLS, least)
@@ -93,14 +93,14 @@ def _least_stop(motion: Motion) -> float:
     return float(np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max())
 
 
-def _allowed(motion: Motion, cells: int) -> FloatArray:
+def _find_slopes(motion: Motion, cells: int) -> FloatArray:
     """Return the largest R1 of each shape and cell, falling and rising, (2, shapes, cells)."""
     limits = np.stack([getattr(motion.machine.stop_limits, name) for name in _LIMITED])
     share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
     both = np.empty((2, _SHAPES.size, cells))
-    for begin in range(0, cells, _CHUNK):
-        part = slice(begin, min(begin + _CHUNK, cells))
-        peaks = _peaks(motion, cells, part)
+    for begin in range(0, cells, CHUNK):
+        part = slice(begin, min(begin + CHUNK, cells))
+        peaks = _bound_peaks(motion, cells, part)
         for k, rho in enumerate(_SHAPES.tolist()):
             found = np.full((2, peaks.shape[2]), LARGEST_SLOPE)
             levels = _LEVELS[1:], share[k]
@@ -118,7 +118,7 @@ def _table(allowed: FloatArray, duration: float) -> RateTable:
     return RateTable(chosen, chosen**2 / _SHAPES[best], until[best, columns])
 
 
-def _peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
+def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     """Bound velocity, acceleration and jerk in some of the cells, each sign by itself.
 
     The first two are rigorous: between samples they change at most by the next one's peak times

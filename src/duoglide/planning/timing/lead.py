@@ -22,15 +22,15 @@ from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, knots_of_jerks
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem
 from duoglide.planning.timing.timed_curve import SigmaCap, TimedCurve
+from duoglide.planning.tolerances import ROUNDING
 
-ALLOWED = 1.5e-3  # of the velocity limits, by which a timing may exceed the lowered ones
+ALLOWED = 1.5e-3  # A timing may exceed the lowered velocity limits by this share.
 _EARLY = 3  # cells in which half of that is granted, as what comes before may have used it
 _SPARE = 1.05  # of acceleration, and of what it still adds to the speed at the start
 _TRIES = 12
-_SOFTER = 0.8  # of the jerk at the end of a way to rest
+_SOFTER = 0.8  # The last phase of a way to rest takes this share of its jerk.
 _LOOKS = 401
-_VANISHED = 1e-9  # of the duration; phases below this are none
-_CLOSE = 0.4  # of a cell
+_CLOSE = 0.4  # Knots nearer together than this share of a cell are thinned out.
 _SAFE = 1.0 + 1e-6
 
 
@@ -58,7 +58,7 @@ class Lead:
         """d2 sigma/dt2 at the start [mm/s^2]."""
         return 0.0 if self.way is None else float(self.way.knots[0, ACCELERATION])
 
-    def lifted(self, cap: SigmaCap) -> SigmaCap:
+    def lift(self, cap: SigmaCap) -> SigmaCap:
         """Return a cap that the known way to rest keeps."""
         if self.way is None:
             return cap
@@ -69,9 +69,9 @@ class Lead:
     def known(self, problem: RetimingProblem) -> Profile:
         """Return the known way until it is as slow as no limit minds anywhere."""
         _, base = self._samples(problem.base)
-        return self._levelled(base[:, 0], np.sqrt(problem.uniform().alpha[0]) * base[:, 1])
+        return self._level_off(base[:, 0], np.sqrt(problem.uniform().alpha[0]) * base[:, 1])
 
-    def _levelled(self, sigma: FloatArray, slow: FloatArray) -> Profile:
+    def _level_off(self, sigma: FloatArray, slow: FloatArray) -> Profile:
         """Return the known way, with its last deceleration ended early: at the speeds ``slow``."""
         assert self.way is not None
         times, motion = self._samples(self.way)
@@ -83,7 +83,7 @@ class Lead:
         k = int(np.argmax(low)) if low.any() else last
         begin, (s0, v0, a0, _) = float(times[k]), motion[k].tolist()
         h = min(abs(a0) / jerk, v0 / max(abs(a0), 1e-300))  # at the latest at half the speed
-        h = max(h, _VANISHED * self.way.duration)
+        h = max(h, ROUNDING * self.way.duration)
         end = (begin + h, s0 + h * (v0 + h * a0 / 3.0), v0 + 0.5 * h * a0, 0.0)
         kept = self.way.knots[self.way.knots[:, TIME] < begin]
         return Profile(np.array([*kept, (begin, s0, v0, a0), end]))
@@ -93,7 +93,7 @@ class Lead:
         times = np.linspace(0.0, way.duration, _LOOKS)
         return times, way.at(times)
 
-    def granted(self, problem: RetimingProblem) -> RetimingProblem:
+    def grant(self, problem: RetimingProblem) -> RetimingProblem:
         """Return a problem that begins in motion, with a little more speed allowed early on."""
         speed = problem.speed.copy()
         speed[:_EARLY] /= (1.0 + 0.5 * ALLOWED) ** 2
@@ -143,13 +143,13 @@ class Lead:
             return None
         times = np.array(profile.t) * second
         jerks = np.array(profile.j) * length / second**3
-        last = times > _VANISHED * times.sum()
+        last = times > ROUNDING * times.sum()
         phases = zip(jerks[last].tolist(), times[last].tolist(), strict=True)
         state = (start, self.speed, self.acceleration)
-        return _never_turning(knots_of_jerks(state, phases, start + length))
+        return _profile_if_forward(knots_of_jerks(state, phases, start + length))
 
 
-def along(known: Profile, problem: RetimingProblem) -> Retiming:
+def continue_known(known: Profile, problem: RetimingProblem) -> Retiming:
     """Return the retiming that makes the base of a problem ``known``, and goes on as slowly."""
     knots = problem.base.knots[:-1]
     sigma, speed, rate = knots[:, SIGMA], knots[:, SPEED], knots[:, ACCELERATION]
@@ -163,7 +163,7 @@ def along(known: Profile, problem: RetimingProblem) -> Retiming:
     return Retiming(np.append(alpha, alpha[-1]), np.append(beta, 0.0))
 
 
-def thinned(known: Profile, breaks: FloatArray, cells: int) -> FloatArray:
+def thin(known: Profile, breaks: FloatArray, cells: int) -> FloatArray:
     """Return the knots of a profile that stand close neither together nor to a break, (n, 4).
 
     Args:
@@ -182,7 +182,7 @@ def thinned(known: Profile, breaks: FloatArray, cells: int) -> FloatArray:
     return np.array([*kept, *known.knots[-2:]])  # between the last two it levels out
 
 
-def _never_turning(knots: FloatArray) -> Profile | None:
+def _profile_if_forward(knots: FloatArray) -> Profile | None:
     """Return the profile, or None where it stands or goes back before its end."""
     if np.any(np.diff(knots[:, SIGMA]) <= 0.0):
         return None
@@ -191,7 +191,7 @@ def _never_turning(knots: FloatArray) -> Profile | None:
     return profile if bool(np.all(looks[:, 1] > 0.0)) else None
 
 
-def lowered(timed: TimedCurve, ahead: float) -> TimedCurve:
+def lower_limits(timed: TimedCurve, ahead: float) -> TimedCurve:
     """Return what is to be timed with every limit and cap lowered, as if time went slower.
 
     Args:

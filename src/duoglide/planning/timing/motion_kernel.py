@@ -5,7 +5,6 @@ The same as ``CarriagePath.derivatives`` and the chain rule; a test holds the tw
 
 from __future__ import annotations
 
-from math import cos, sin
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,11 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined, share
 from duoglide.kinematics.derivatives import carriage_jets, root_jet
+from duoglide.motion.curve.jets import arc_jet, polynomial_jet
 from duoglide.motion.profile import quintic
 
-share(root_jet, carriage_jets, quintic, inline=True)  # called, they would take half as long again
+# Called instead of inlined, they would take half as long again.
+share(root_jet, carriage_jets, quintic, arc_jet, polynomial_jet, inline=True)
 
 
 @inlined
@@ -23,30 +24,13 @@ def point(local: float, span: float, rate: float, c: FloatArray, out: FloatArray
     """Write position and three derivatives by sigma of one piece of a curve, (4, 3)."""
     for axis in range(3):
         if rate > 0.0:
-            cosine = cos(rate * local)
-            sine = sin(rate * local)
-            radial = c[1, axis] * cosine + c[2, axis] * sine
-            along = (c[2, axis] * cosine - c[1, axis] * sine) * rate
-            drop = 2.0 * sin(0.5 * rate * local) ** 2
-            advance = c[3, axis] if c.shape[0] > 3 else 0.0
-            way = c[2, axis] * sine - c[1, axis] * drop + advance * (local / span)
-            out[0, axis] = c[0, axis] + way
-            out[1, axis] = along + advance / span
-            out[2, axis] = -radial * rate * rate
-            out[3, axis] = -along * rate * rate
-            continue
-        u = local / span
-        p, d1, d2, d3 = c[-1, axis], 0.0, 0.0, 0.0
-        for k in range(c.shape[0] - 2, -1, -1):
-            d3 = d3 * u + d2
-            d2 = d2 * u + d1
-            d1 = d1 * u + p
-            p = p * u + c[k, axis]
-        w = 1.0 / span
-        out[0, axis] = p
-        out[1, axis] = d1 * w
-        out[2, axis] = d2 * (2.0 * w * w)
-        out[3, axis] = d3 * (6.0 * w * w * w)
+            out[0, axis], out[1, axis], out[2, axis], out[3, axis] = arc_jet(
+                c[:, axis], local, span, rate
+            )
+        else:
+            out[0, axis], out[1, axis], out[2, axis], out[3, axis] = polynomial_jet(
+                c[:, axis], local, span
+            )
 
 
 @inlined

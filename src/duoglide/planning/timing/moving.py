@@ -10,7 +10,7 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.motion.profile import SIGMA, TIME, Profile
 from duoglide.planning.timing.grid import grid
-from duoglide.planning.timing.lead import ALLOWED, Lead, along, thinned
+from duoglide.planning.timing.lead import ALLOWED, Lead, continue_known, thin
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem
 from duoglide.planning.timing.span import (
     COARSE,
@@ -78,7 +78,7 @@ class _Moving:
 
     def problem(self, times: FloatArray) -> RetimingProblem:
         """State the problem on a grid."""
-        return self.lead.granted(self.search.problem(times))
+        return self.lead.grant(self.search.problem(times))
 
     def quickest(self, effort: Effort) -> Span | None:
         """Return the near-optimal motion, or None where none keeps the limits."""
@@ -102,7 +102,7 @@ class _Moving:
 
     def polished(self, problem: RetimingProblem, found: Retiming, effort: Effort) -> Profile | None:
         """Lower the limits where the motion exceeds them between knots, until it does not."""
-        limits = replace(self.search.timed, sigma_cap=None)  # the brakes themselves judge that cap
+        limits = replace(self.search.timed, sigma_cap=None)  # drive stops judge that cap
         for _ in range(effort.polish + 1):
             profile = problem.profile(found)
             use = largest_use(limits, profile)
@@ -119,10 +119,10 @@ class _Moving:
         search = self.search
         rough = self.problem(search.grid(search.own_clock, effort.coarse, 2))
         known = self.lead.known(rough)
-        slowness = along(known, rough).alpha ** -0.5
+        slowness = continue_known(known, rough).alpha ** -0.5
         shown = np.cumsum(0.5 * rough.delta * (slowness[1:] + slowness[:-1]))
         clock = rough.base.knots[:, TIME], np.concatenate([[0.0], shown])
-        knots = thinned(known, search.sigma, effort.cells)[:, SIGMA]
+        knots = thin(known, search.sigma, effort.cells)[:, SIGMA]
         there = np.array([search.base.time_at(sigma) for sigma in knots.tolist()])
         gap = np.abs(there[:, None] - search.fixed).min(axis=1)
         beyond = search.fixed[search.fixed > there[-1]]
@@ -130,7 +130,7 @@ class _Moving:
         wanted = [*there[gap > _SAME * search.base.duration], *parts.ravel()]
         fixed = np.union1d(search.fixed, wanted)
         times = grid(fixed, np.zeros(0), clock, effort.cells, 1)
-        return times, along(known, self.problem(times))
+        return times, continue_known(known, self.problem(times))
 
 
 def _sound(problem: RetimingProblem, found: Retiming) -> bool:

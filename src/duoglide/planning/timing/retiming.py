@@ -26,7 +26,7 @@ from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _MOST_ROUNDS = 30
-_GAIN = 0.02  # of the duration, from which another tangent is worth its time
+_GAIN = 0.02  # Another tangent is worth its time if it gains this share of the duration.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +126,7 @@ class RetimingProblem:
         """Return the retiming after ``rounds`` tangents, each problem solved to ``tolerance``."""
         now = start
         for _ in range(rounds):
-            now = self._solved(now, tolerance)
+            now = self._solve(now, tolerance)
         return now
 
     def settled(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
@@ -134,7 +134,7 @@ class RetimingProblem:
         now = self.improved(start, rounds, tolerance)
         last = float(now.durations(self.delta).sum())
         for _ in range(_MOST_ROUNDS):
-            again = self._solved(now, tolerance)
+            again = self._solve(now, tolerance)
             duration = float(again.durations(self.delta).sum())
             if not again.converged or duration >= last:
                 break
@@ -143,7 +143,7 @@ class RetimingProblem:
                 break
         return now
 
-    def _solved(self, start: Retiming, tolerance: float) -> Retiming:
+    def _solve(self, start: Retiming, tolerance: float) -> Retiming:
         limits = Limits(self.delta, self.speed, self.acceleration, self.jerk)
         found = solve(limits, (start.alpha, start.beta), tolerance, self.from_rest)
         return Retiming(*found.nodes, found.converged, found.kept)

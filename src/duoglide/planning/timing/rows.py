@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
+from duoglide.planning.timing.interior_point import WIDTH
 
-POINTS = 3  # of a cell
-WIDTH = 4  # unknowns that a row touches
+POINTS = 3  # Limits are kept at so many points of each cell.
 _BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
 _LEAST = 0.02  # of alpha at a node, that its Bernstein coefficient keeps
 

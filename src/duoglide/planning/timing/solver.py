@@ -27,10 +27,14 @@ LONG = 480  # cells, from which on a problem is cut into windows
 _SHRINKS = (0.95, 0.7, 0.45)  # of the last solution, to begin the next one strictly inside; where
 # the solver fails from near the bounds, it begins again farther from them
 _SHRINK_ENDS = 0.99  # the same where the ends of windows stay as they are
+<<<<<<< HEAD
 _FAR = 2.0  # times over a limit: from there on a solution is not slowed to keep it, as one place
 # would slow all of it, and the solver began far from where it ends
 _FAR_SLACK = 0.1  # of rows that are exceeded then
 _ENOUGH = 0.5  # of the windows converge, or the sweep has failed
+=======
+_ENOUGH = 0.5  # A sweep has failed unless this share of the windows converges.
+>>>>>>> r2-control
 
 
 class Limits(NamedTuple):
@@ -85,10 +89,10 @@ def _cuts(cells: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return where the windows of both sweeps begin and end."""
     edges = np.linspace(0.0, cells, round(cells / WINDOW) + 1)
     between = 0.5 * (edges[1:] + edges[:-1])
-    return _mirrored(edges, cells), _mirrored(np.append(0.0, between), cells)
+    return _round_cuts(edges, cells), _round_cuts(np.append(0.0, between), cells)
 
 
-def _mirrored(cuts: FloatArray, cells: int) -> NDArray[np.intp]:
+def _round_cuts(cuts: FloatArray, cells: int) -> NDArray[np.intp]:
     """Round cuts to whole cells so that they are the same seen from either end.
 
     A cut in the middle of the middle cell becomes the two about that cell.

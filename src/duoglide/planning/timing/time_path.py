@@ -10,7 +10,7 @@ from duoglide.motion.path.actions import Dwell
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
-from duoglide.planning.timing.lead import Lead, lowered
+from duoglide.planning.timing.lead import Lead, lower_limits
 from duoglide.planning.timing.moving import time_moving
 from duoglide.planning.timing.span import Effort, Span, time_span
 from duoglide.planning.timing.timed_curve import SigmaCap, TimedCurve
@@ -40,7 +40,7 @@ def time_path(
     effort = effort or Effort()
     timed = TimedCurve.of(path)
     if lead is not None:
-        timed = lowered(timed, lead.ahead)
+        timed = lower_limits(timed, lead.ahead)
     if sigma_cap is not None:
         timed = timed.capped(sigma_cap)
     rests = [0.0, *path.curve.rests, path.curve.end]

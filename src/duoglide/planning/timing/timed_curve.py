@@ -21,9 +21,8 @@ from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.profile import SIGMA, Profile
 from duoglide.motion.rounding.round_segments import SMOOTH
 from duoglide.planning.timing import motion_kernel as _motion_kernel
+from duoglide.planning.tolerances import NANOMETRE, NO_CAP
 
-_NO_CAP = 1e12  # mm/s
-_SAME = 1e-6  # mm
 _SIDES = 8  # pairs of opposite sides of the polygon that stands for a circle
 _INNER = np.cos(np.pi / (2 * _SIDES))
 _RESERVED = (1.01 ** np.arange(1.0, 4.0))[:, None]  # of velocity, acceleration and jerk
@@ -43,7 +42,7 @@ class SigmaCap:
 
     def at(self, sigma: FloatArray) -> FloatArray:
         """Return the cap at ``sigma`` [mm/s], same shape."""
-        return np.interp(sigma, self.sigma, self.speed, left=_NO_CAP, right=_NO_CAP)
+        return np.interp(sigma, self.sigma, self.speed, left=NO_CAP, right=NO_CAP)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +105,7 @@ class TimedCurve:
         others = np.setdiff1d(np.array(ends), breaks).clip(0.0, self.curve.end)
         after = np.searchsorted(breaks, others).clip(1, breaks.size - 1)
         gap = np.minimum(others - breaks[after - 1], breaks[after] - others)
-        return np.union1d(breaks, others[gap > _SAME])
+        return np.union1d(breaks, others[gap > NANOMETRE])
 
     @cached_property
     def _kinks(self) -> FloatArray:
@@ -195,7 +194,7 @@ class TimedCurve:
         return CapUse(use, np.linalg.norm(second, axis=-1), rows / _INNER)
 
     def _tool_speed(self, sigma: FloatArray) -> FloatArray:
-        result = np.full(sigma.shape, _NO_CAP)
+        result = np.full(sigma.shape, NO_CAP)
         for cap in self.speed_caps:  # in order, and sigma ascends
             first, last = np.searchsorted(sigma, [cap.start, cap.end])
             result[first:last] = np.minimum(result[first:last], cap.speed)

@@ -13,7 +13,7 @@ from duoglide.motion.path.transfer import TransferPath
 
 FIRST_CELLS = 64
 _SHARP = 1e-3  # mm, to which the least clearance is found
-_FINEST = 2.0**-40  # of the duration
+_FINEST = 2.0**-40  # No cell is shorter than this share of the duration.
 
 
 def certify(machine: Machine, path: TransferPath) -> float:

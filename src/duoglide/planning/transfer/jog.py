@@ -19,9 +19,10 @@ from duoglide.kinematics.headroom.room import TOUCHING, locate, room
 from duoglide.kinematics.model import inverse, inverse_derivatives, jacobian
 from duoglide.machine import Machine
 
-_SAMPLES = 16  # of a way to stop
+_SAMPLES = 16  # A way to stop is looked at in so many places.
 _SLACK = 0.05  # mm that is left of every bound where there is so much to begin with
-_ALONG = 1e-6  # of the acceleration may point elsewhere in a motion that counts as straight
+# A motion counts as straight if no more than this share of its acceleration points aside.
+_ALONG = 1e-6
 _ROUNDING = 5e-6  # mm, within which a clearance is known
 
 
@@ -140,16 +141,16 @@ class Jog:
             return self._carriages
         cycle = self._machine.drives.cycle
         try:
-            ahead = _sampled(self._towards(self._state, self._wish), np.array([cycle]))[0]
+            ahead = _sample(self._towards(self._state, self._wish), np.array([cycle]))[0]
             stop = self._towards(ahead, np.zeros(3))
             times = np.linspace(0.0, stop.duration, _SAMPLES + 1)
-            states = np.concatenate([self._state[None], _sampled(stop, times)])
+            states = np.concatenate([self._state[None], _sample(stop, times)])
             self._blocked = self._objection(states, max(cycle, float(times[1])))
         except ruckig.RuckigError:
             self._blocked = "acceleration"  # no such way: as good as a way beyond the limits
         if self._blocked:
             self._since += cycle
-            self._state = _sampled(self._stop, np.array([self._since]))[0]
+            self._state = _sample(self._stop, np.array([self._since]))[0]
             if self._since >= self._stop.duration:
                 self._state[1:] = 0.0
         else:
@@ -263,6 +264,6 @@ def _larger(samples: FloatArray) -> FloatArray:
     return larger
 
 
-def _sampled(motion: ruckig.Trajectory, times: FloatArray) -> FloatArray:
+def _sample(motion: ruckig.Trajectory, times: FloatArray) -> FloatArray:
     """Return position, velocity and acceleration at times (n,), shape (n, 3, 3)."""
     return np.array([motion.at_time(time) for time in times.tolist()])

@@ -35,7 +35,7 @@ from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
 RESERVE = 1.0  # mm that the way out ends beyond every bound, if there is so much
 CREEP = 20.0  # mm/s
-_SAMPLES = 400  # of a leg
+_SAMPLES = 400  # Each leg is looked at in so many places.
 _LEGS = 12
 _LOOKS = 3
 _STEPS = (0.5, 2.0, 8.0, 32.0)  # mm straight away from a surface

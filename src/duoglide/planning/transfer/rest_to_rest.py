@@ -15,7 +15,7 @@ from duoglide.machine import CarriageLimits
 from duoglide.motion.profile import constant_jerk
 
 _LARGEST = 1e7  # a limit this many times what the motion needs is none
-_SAME_TIME = 1e-12  # of the duration
+_SAME_TIME = 1e-12  # Ends of phases that are nearer than this share of the duration are one.
 _FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
 

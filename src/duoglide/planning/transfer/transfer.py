@@ -21,10 +21,10 @@ from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.tolerances import PICOMETRE
 from duoglide.planning.transfer.certificate import certify
 from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
-SAME = 1e-9  # mm: nearer than this, start and goal are one pose
 _SAME_POSE = 1e-5  # mm, between a position and what its own carriages give
 HOME_TOLERANCE = 10.0  # mm, at the deep pose on the way round
 
@@ -52,13 +52,13 @@ def transfer(
     here, there = (_position(value, name) for value, name in ((start, "start"), (goal, "goal")))
     carriages = _require_room(machine, here, "start"), _require_room(machine, there, "goal")
     try:
-        return _direct(machine, *carriages, brake_safe)
+        return _go_direct(machine, *carriages, brake_safe)
     except (PathError, LimitError) as error:
         first = error
     refused = [f"through carriage space: {first}"]
     for way, path in _ways_round(machine, here, there):
         try:
-            return _planned(machine, path, brake_safe)
+            return _plan_round(machine, path, brake_safe)
         except DuoglideError as error:
             refused.append(f"{way}: {error}")
     reasons = "\n  ".join(refused)
@@ -80,7 +80,7 @@ def transfer_carriages(
         PathError: The way is not admissible.
         LimitError: Ruckig finds no motion.
     """
-    return _direct(machine, start, goal, brake_safe)
+    return _go_direct(machine, start, goal, brake_safe)
 
 
 def _position(value: ArrayLike, name: str) -> FloatArray:
@@ -90,10 +90,12 @@ def _position(value: ArrayLike, name: str) -> FloatArray:
     return position
 
 
-def _direct(machine: Machine, start: FloatArray, goal: FloatArray, brake_safe: bool) -> Trajectory:
+def _go_direct(
+    machine: Machine, start: FloatArray, goal: FloatArray, brake_safe: bool
+) -> Trajectory:
     """Go by the carriages' own motion, straight if possible, else as ruckig has it."""
-    if np.abs(goal - start).max() <= SAME:
-        return _stand(machine, start)
+    if np.abs(goal - start).max() <= PICOMETRE:
+        return _stay(machine, start)
     first: PathError | None = None
     tried: FloatArray | None = None
     for sync in (ruckig.Synchronization.Phase, ruckig.Synchronization.Time):
@@ -107,22 +109,22 @@ def _direct(machine: Machine, start: FloatArray, goal: FloatArray, brake_safe: b
             first = first or error
             continue
         path = TransferPath(machine, breaks, table, least)
-        return _timed(path, brake_safe)
+        return _time(path, brake_safe)
     assert first is not None
     raise first
 
 
-def _stand(machine: Machine, carriages: FloatArray) -> Trajectory:
+def _stay(machine: Machine, carriages: FloatArray) -> Trajectory:
     """Return a motion that goes nowhere, for one cycle."""
     table = np.zeros((1, 4, 3))
     table[0, 0] = carriages
     cycle = machine.drives.cycle
     clearance = float(room(machine, carriages[None]).clearance[0]) + machine.clearance
     path = TransferPath(machine, np.array([0.0, cycle]), table, clearance)
-    return _timed(path, brake_safe=False)
+    return _time(path, brake_safe=False)
 
 
-def _timed(path: TransferPath, brake_safe: bool) -> Trajectory:
+def _time(path: TransferPath, brake_safe: bool) -> Trajectory:
     report = TimingReport(method=TimingMethod.TRANSFER)
     motion = Motion(path, Profile.steady(path.duration), report=report)
     if brake_safe:
@@ -130,7 +132,7 @@ def _timed(path: TransferPath, brake_safe: bool) -> Trajectory:
     return Trajectory.of(motion, stop_bounds(motion))
 
 
-def _planned(machine: Machine, path: Path, brake_safe: bool) -> Trajectory:
+def _plan_round(machine: Machine, path: Path, brake_safe: bool) -> Trajectory:
     from duoglide.planning.plan import plan
 
     return plan(machine, path, brake_safe=brake_safe)
