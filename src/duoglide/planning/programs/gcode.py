@@ -296,7 +296,6 @@ class _Frame:
         return ""
 
 
-<<<<<<< HEAD
 def _hint(words: Mapping[str, float], block: Block) -> str:
     """Say how to go on from words of no meaning."""
     if glued := [text.strip() for letter, text in block.glued.items() if letter in words]:
@@ -304,10 +303,7 @@ def _hint(words: Mapping[str, float], block: Block) -> str:
     return skip_hint(words)
 
 
-def _taken(words: dict[str, float], letter: str, rule: str) -> float:
-=======
 def _take(words: dict[str, float], letter: str, rule: str) -> float:
->>>>>>> r2-control
     """Take a word that has to be there."""
     if letter not in words:
         raise InputError(rule)

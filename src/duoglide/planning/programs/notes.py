@@ -131,13 +131,8 @@ def _name(given: object, keys: frozenset[str]) -> str:
     """Return a name as it is counted, or refuse it."""
     text = given.strip() if isinstance(given, str) else ""
     if _KEY.fullmatch(text) and not _WORD.fullmatch(text.upper()):
-<<<<<<< HEAD
         if text in keys or not _MEANINGS.isdisjoint(re.split("[-_]", text)):
-            raise _refused(text, "says where or how to move")
-=======
-        if text in keys or text in _MEANINGS:
             raise _refusal(text, "says where or how to move")
->>>>>>> r2-control
         return text
     text = text.upper()
     if _G92_E.fullmatch(text):

@@ -24,23 +24,14 @@ from duoglide.kinematics.compiled import compiled, inlined
 MAX_STEPS = 80
 WIDTH = 4  # consecutive unknowns that a row touches
 _BACK = 0.995  # how far to go toward the nearest bound
-<<<<<<< HEAD
 LEAST_SLACK = 1e-3  # to begin with, where few rows are exceeded and by little
-_EATEN = 1e-14  # of the diagonal
-_HUGE = 1e20
-_SHORT = 0.2  # a step that goes less far than this
-_CENTRE = 0.5  # of the gap, to aim at then
-_FIRST_GAP = 0.1  # of the cost
-_ROUGH = 3e-3  # a tolerance from which on the first gap is another one
-_ROUGH_GAP = 0.5  # what is at a bound at first leaves it sooner, yet the last digits scatter more
-=======
-_LEAST_SLACK = 1e-3
 _EATEN = 1e-14  # A pivot below this share of the diagonal is lost to rounding.
 _HUGE = 1e20
 _SHORT = 0.2  # a step that goes less far than this
 _CENTRE = 0.5  # After a short step, aim at this share of the gap.
 _FIRST_GAP = 0.1  # The first gap is this share of the cost.
->>>>>>> r2-control
+_ROUGH = 3e-3  # From this tolerance on, the first gap is another one.
+_ROUGH_GAP = 0.5  # What is at a bound at first leaves it sooner, yet the last digits scatter more.
 _BACK_COST = 0.9  # how far to go toward an infinite cost
 _FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 1e-8
 _STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1e-2 here

@@ -27,14 +27,10 @@ LONG = 480  # cells, from which on a problem is cut into windows
 _SHRINKS = (0.95, 0.7, 0.45)  # of the last solution, to begin the next one strictly inside; where
 # the solver fails from near the bounds, it begins again farther from them
 _SHRINK_ENDS = 0.99  # the same where the ends of windows stay as they are
-<<<<<<< HEAD
-_FAR = 2.0  # times over a limit: from there on a solution is not slowed to keep it, as one place
-# would slow all of it, and the solver began far from where it ends
-_FAR_SLACK = 0.1  # of rows that are exceeded then
-_ENOUGH = 0.5  # of the windows converge, or the sweep has failed
-=======
+_FAR = 2.0  # A solution that exceeds a limit by more than this is not slowed to keep it: one place
+# would slow all of it, and the solver would begin far from where it ends.
+_FAR_SLACK = 0.1  # Rows that are exceeded then begin with this slack.
 _ENOUGH = 0.5  # A sweep has failed unless this share of the windows converges.
->>>>>>> r2-control
 
 
 class Limits(NamedTuple):
