@@ -21,8 +21,8 @@ def certify(machine: Machine, path: TransferPath) -> float:
 
     Travel and order are extremes of cubic polynomials: exact. Clearance and the distance to
     keep-out boxes are bounded in cells of time from the carriages' velocity in the middle and their
-    largest acceleration (``_nearby``); a cell that is not certain to have enough is halved. Nothing
-    between two samples is left out.
+    largest acceleration (``headroom.nearby``); a cell that is not certain to have enough is halved.
+    Nothing between two samples is left out.
 
     Returns:
         The least distance to a singular surface or edge of reach, to 0.001 mm: a lower bound [mm].
