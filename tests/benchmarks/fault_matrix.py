@@ -4,9 +4,9 @@ Each fault is injected in the middle of a logged run at full speed along a path 
 four rounded corners, mostly by a proxy between the host and the hub that knows nothing of either
 (``tests/support/bus_proxy.py``). The host takes the simulated drives for real ones: it does not
 wait for them when the computer stands still. *Cycles*: from the news in the log to the first frame
-that differs. *Off path*: how far the platform was from the planned path at the worst, until everything
-stood, by what the simulated carriages really did; ``apart`` where they were where the links cannot
-close. With words on the command line, only faults whose names have one of them.
+that differs. *Off path*: how far the platform was from the planned path at the worst, until
+everything stood, by what the simulated carriages really did; ``apart`` where they were where the
+links cannot close. With words on the command line, only faults whose names have one of them.
 
 The exit code is 1 where a reaction is not the one that is expected.
 """
