@@ -1,7 +1,7 @@
 """The closed forms, once: for one pose in floats, and for columns of poses in arrays.
 
 Every ``_pose`` is plain arithmetic and ``sqrt``, and serves one pose as it stands. ``in_numpy``
-gives the same code functions that take arrays. ``_batch`` has numba compile the ``_loop``s.
+gives the same code functions that take arrays. ``batch`` has numba compile the ``_loop``s.
 They run along flat arrays, so that the stride is a constant and the compiler can use vector
 registers. All three agree to the last bit.
 

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray, as_triples
 from duoglide.errors import InputError
-from duoglide.kinematics._batch import (
+from duoglide.kinematics._forward import require_forward
+from duoglide.kinematics.batch import (
     as_batch,
     as_pose,
     forward_many,
@@ -15,7 +16,6 @@ from duoglide.kinematics._batch import (
     margins_one,
     triple,
 )
-from duoglide.kinematics._forward import require_forward
 from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
 from duoglide.kinematics.derivatives import root_jets, shift
 from duoglide.kinematics.kernels import forward_pose, in_numpy, inverse_pose, jacobian_pose

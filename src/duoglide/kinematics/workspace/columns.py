@@ -12,7 +12,7 @@ from duoglide.arrays import BoolArray, FloatArray, as_triples
 from duoglide.kinematics.constants import Plane, pose_constants
 from duoglide.kinematics.kernels import in_numpy, inverse_pose, margins_pose
 from duoglide.kinematics.modes import WORKING, WorkingMode
-from duoglide.kinematics.nearest import nearest_surface
+from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.kinematics.workspace.constraints import Constraints, Range
 from duoglide.kinematics.workspace.interference import interference_gap
 from duoglide.machine import Geometry

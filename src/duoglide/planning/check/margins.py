@@ -19,8 +19,8 @@ from duoglide.kinematics.constants import Constants
 from duoglide.kinematics.headroom.anchors import bound_from_anchors
 from duoglide.kinematics.headroom.room import SURE, box_distance, outside
 from duoglide.kinematics.modes import WORKING
-from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import Reach
+from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.machine import Machine
 from duoglide.planning.check.rules import Parts, Rules
 

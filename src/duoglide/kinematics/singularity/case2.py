@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
-from duoglide.kinematics._nearest_pose import COARSE, STEPS, CurveNumbers
 from duoglide.kinematics.kernels import case2_point, in_numpy
+from duoglide.kinematics.singularity.nearest_pose import COARSE, STEPS, CurveNumbers
 from duoglide.machine import Geometry
 
 IndexArray: TypeAlias = NDArray[np.intp]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.errors import SingularityError
-from duoglide.kinematics._batch import (
+from duoglide.kinematics.batch import (
     as_batch,
     as_pose,
     legs_many,
@@ -19,12 +19,12 @@ from duoglide.kinematics._batch import (
     margins_one,
     triple,
 )
-from duoglide.kinematics._case2 import plain_curve
-from duoglide.kinematics._nearest_pose import nearest_of_pose
 from duoglide.kinematics.constants import Constants, pose_constants
 from duoglide.kinematics.modes import WORKING, WorkingMode
-from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import require_reach
+from duoglide.kinematics.singularity.case2 import plain_curve
+from duoglide.kinematics.singularity.nearest import nearest_surface
+from duoglide.kinematics.singularity.nearest_pose import nearest_of_pose
 from duoglide.machine import Geometry
 
 FAMILIES = ("legs_vertical", "strut", "legs_parallel", "legs_flat", "arm_strut", "arm_flat")
