@@ -130,11 +130,15 @@ CONTRACT = (
         "after a fault that was there before the host, its cause is not known; later ones are"
         " known from their emergency message",
     ),
-    _optional(
+    ContractObject(
         0x605A,
+        (0,),
         "quick stop option code",
+        Need.OPTIONAL,
         "how the drive brakes by itself, and whether it holds afterwards, is the maker's choice",
         unsafe=True,
+        answer="drives.quirks quick_stop_option = 2 where the drive knows no 6, or"
+        " absent = [0x605A]",
     ),
     _optional(
         0x605B,
@@ -195,11 +199,14 @@ CONTRACT = (
     ),
     _optional(0x6099, "homing speeds", "searches run at the speeds in the drive", subs=(1, 2)),
     _optional(0x609A, "homing acceleration", "searches run at the acceleration in the drive"),
-    _optional(
+    ContractObject(
         0x60C2,
+        (1, 2),
         "interpolation time period",
+        Need.OPTIONAL,
         "the drive interpolates over a period of its own, which must be the cycle",
-        subs=(1, 2),
+        answer="a drives.cycle that the drive can be told, in whole milliseconds, or"
+        " drives.quirks absent = [0x60C2]",
     ),
     _optional(
         0x60FD,
