@@ -11,7 +11,6 @@ from duoglide.machine.drive_contract import OPTIONAL_OBJECTS
 from duoglide.machine.meaning import documented, setting, told, unit_of
 
 _METHODS = range(-128, 38)  # 0x6098 is an i8; CiA 402 names 1 to 37, negative ones are vendors'
-HERE_METHODS = (35, 37)  # take the place where the carriage stands; 35 is the older CiA 402's
 
 
 class Interlock(StrEnum):

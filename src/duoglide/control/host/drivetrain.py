@@ -14,10 +14,9 @@ from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
 from duoglide.control.host.connection import Connection, bring_up
 from duoglide.drives.axis import growing_pauses
-from duoglide.drives.cia402 import Mode, State, decode
+from duoglide.drives.cia402 import METHODS_HERE, Mode, State, decode
 from duoglide.errors import DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
-from duoglide.machine.drive_quirks import HERE_METHODS
 
 if TYPE_CHECKING:
     from duoglide.arrays import FloatArray
@@ -201,7 +200,7 @@ class Drivetrain:
         homing = self.machine.drives.homing
         here = home_carriages(self.machine).tolist()
         rows = zip(homing.method, homing.switch_position, here, strict=True)
-        return [place if method in HERE_METHODS else switch for method, switch, place in rows]
+        return [place if method in METHODS_HERE else switch for method, switch, place in rows]
 
     def _await_homing(self, axes: tuple[Axis, ...]) -> None:
         deadline = time.monotonic() + self.machine.drives.homing.timeout
