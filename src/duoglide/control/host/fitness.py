@@ -7,9 +7,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.errors import ConfigError, DuoglideError, InputError, LimitError, PathError
+from duoglide.errors import (
+    ConfigError,
+    DriveError,
+    DuoglideError,
+    InputError,
+    LimitError,
+    PathError,
+)
 from duoglide.kinematics.headroom.room import room_at
 from duoglide.kinematics.model import inverse
+from duoglide.motion.path.actions import Dwell, SetOutput
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.motion.trajectory import Trajectory
 
@@ -55,11 +63,13 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
         PathError: It leaves reach, travel, clearance or free space; says where. Or it begins or
             ends in motion, as the parts of a program do.
         LimitError: It asks for more than a limit of this machine.
+        DriveError: It sets outputs of a drive that has none, or waits for inputs of one.
     """
     given: object = trajectory
     if not isinstance(given, Trajectory):
         kind = type(given).__name__
         raise InputError(f"a run needs a Trajectory (of dg.plan or dg.Trajectory.load), got {kind}")
+    _require_lines(trajectory, machine)
     if trajectory.report.method is not TimingMethod.RECORDED:
         _require_rests(trajectory)
     times = _times(trajectory)
@@ -69,6 +79,22 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> LimitUse:
     if trajectory.report.method is TimingMethod.RECORDED:
         return _require_stop_limits(machine, trajectory)
     return _require_limits(machine, state, times)
+
+
+def _require_lines(trajectory: Trajectory, machine: Machine) -> None:
+    """Refuse actions on inputs or outputs that a drive does not have."""
+    for time, action in trajectory.actions:
+        if isinstance(action, Dwell):
+            continue
+        sets = isinstance(action, SetOutput)
+        index, name = (0x60FE, "outputs") if sets else (0x60FD, "inputs")
+        if not machine.drives.quirks[action.axis - 1].has(index):
+            raise DriveError(
+                f"the trajectory {'sets' if sets else 'waits for'} bit {action.bit} of axis"
+                f" {action.axis} at {time:.4f} s, and that drive has no digital {name}:"
+                f" 0x{index:04X} is in its drives.quirks absent; use an axis that has them",
+                axis=action.axis,
+            )
 
 
 def _require_rests(trajectory: Trajectory) -> None:
