@@ -34,7 +34,7 @@ def test_every_error_is_under_the_packages_name() -> None:
     classes = {
         name
         for name, value in vars(errors).items()
-        if isinstance(value, type) and issubclass(value, Exception)
+        if isinstance(value, type) and issubclass(value, errors.DuoglideError)
     }
     assert classes <= set(dg.__all__)
 
