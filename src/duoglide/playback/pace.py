@@ -23,7 +23,7 @@ def slowed(trajectory: Trajectory, override: float) -> Trajectory:
     if override == 1.0:
         return trajectory
     times = tuple((t / override, action) for t, action in trajectory.actions)
-    draft = replace(trajectory, profile=trajectory.profile.stretched(1.0 / override), actions=times)
+    draft = replace(trajectory, profile=trajectory.profile.stretch(1.0 / override), actions=times)
     return replace(draft, stops=stop_bounds(draft))
 
 
