@@ -13,6 +13,7 @@ from duoglide.control.channel.orders import Assignment, Policy, StreamSettings, 
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.process import StreamerProcess
 from duoglide.drives.axis import Axis
+from duoglide.drives.bus_load import require_bus_load
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
 from duoglide.drives.listen import require_alone
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
@@ -39,11 +40,13 @@ class Connection:
 
     Raises:
         InputError: It is no machine.
+        ConfigError: The bus cannot carry its cycle.
         BusError: The bus cannot be opened, or another host is on it.
     """
 
     def __init__(self, machine: Machine, bus: str) -> None:
         _require_machine(machine)
+        require_bus_load(machine.drives)
         self._machine, self._closed = machine, False
         self._resources = ExitStack()
         self.simulated: SimulatedDrives | None = None

@@ -24,7 +24,7 @@ from duoglide.control.streamer.realtime import become_helper, become_realtime
 from duoglide.drives.buses import open_bus
 from duoglide.errors import BusError, DuoglideError
 from duoglide.motion.path.transfer import TransferPath
-from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.trajectory import Trajectory
 
 _LOADED_EARLY = (Trajectory, TransferPath)  # an import while cycles run would hold them up
 _ASK_ANYWAY = 8  # cycles after which the socket is asked for its end, announced or not
