@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from duoglide.motion.path.checked import CheckedPath as CheckedPath
     from duoglide.motion.path.path import Path as Path
     from duoglide.motion.rounding.blend import Blend as Blend
-    from duoglide.motion.trajectory import Trajectory as Trajectory
     from duoglide.planning.check.check import check_path as check_path
     from duoglide.planning.plan import plan as plan
     from duoglide.planning.programs.pick_and_place import chain as chain
@@ -64,6 +63,7 @@ if TYPE_CHECKING:
     from duoglide.planning.programs.pick_and_place import picks as picks
     from duoglide.planning.programs.planner import plan_program as plan_program
     from duoglide.planning.programs.read import read_program as read_program
+    from duoglide.planning.trajectory import Trajectory as Trajectory
     from duoglide.planning.transfer.jog import Jog as Jog
     from duoglide.planning.transfer.jog import JogLimits as JogLimits
     from duoglide.planning.transfer.recover import recover as recover
@@ -107,7 +107,7 @@ _HOMES = {
     "motion.path.checked": ("CheckedPath",),
     "motion.motion": ("State",),
     "motion.path.path": ("Path",),
-    "motion.trajectory": ("Trajectory",),
+    "planning.trajectory": ("Trajectory",),
     "planning.check.check": ("check_path",),
     "planning.transfer.jog": ("Jog", "JogLimits"),
     "planning.programs.pick_and_place": ("chain", "pick_and_place", "picks"),

@@ -3,9 +3,9 @@
 Leibniz' rule on that product, solved for the highest derivative of r, gives them. It stands here
 three times, because it is asked for in three ways. ``root_jet`` is the first three for one pose:
 the stream has no time for arrays, and the search for a timing compiles it. ``root_jets`` is for
-many poses, by whole columns, and for as many orders as are asked for. ``root_bounds`` is
-``root_jet`` with the absolute value of each term: it bounds the derivatives where a, b and theirs
-are known only within bounds. Tests hold the three together.
+many poses, by whole columns, and for as many orders as are asked for. ``root_bounds`` and
+``root_jet_bounds`` are those two with the absolute value of each term: they bound the derivatives
+where a, b and theirs are known only within bounds. Tests hold them together.
 """
 
 from __future__ import annotations
@@ -61,12 +61,27 @@ def root_jets(value: FloatArray, *sides: ArrayJet) -> ArrayJet:
     Returns:
         The jet of r, of the order of the sides.
     """
-    order = len(sides[0])
-    jet = [value]
-    if order == 1:
-        return jet
-    scale = -1.0 / value
-    for n in range(1, order):
+    if len(sides[0]) == 1:
+        return [value]  # which may be 0: on the edge of reach only the derivatives are infinite
+    return _solve([value], -1.0 / value, sides)
+
+
+def root_jet_bounds(low: FloatArray, *sides: ArrayJet) -> ArrayJet:
+    """Bound the derivatives of a root r >= low: ``root_jets``, every term +, to any order.
+
+    Args:
+        low: Least r, above 0.
+        sides: Bounds on a, b, ... and their derivatives, all of one order.
+
+    Returns:
+        ``low``, and bounds on the derivatives of r.
+    """
+    return _solve([low], 1.0 / low, sides)
+
+
+def _solve(jet: ArrayJet, scale: FloatArray, sides: tuple[ArrayJet, ...]) -> ArrayJet:
+    """Append to the value of a root its derivatives, one after the other."""
+    for n in range(1, len(sides[0])):
         total = _half_of_square(sides[0], n)
         for side in sides[1:]:
             total = total + _half_of_square(side, n)

@@ -14,7 +14,7 @@ from duoglide.kinematics.model import forward, reachable
 from duoglide.kinematics.singularity.margins import clearance
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.picks import count_picks
-from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.trajectory import Trajectory
 from duoglide.playback.run_data import RunData, read_run
 from duoglide.storage import LogKind, read_log
 

@@ -21,7 +21,7 @@ from duoglide.cli.program import (
 
 if TYPE_CHECKING:
     from duoglide.motion.audit import Audit
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 _HELP = """\
 Check a path, time it near its optimum under the carriages' limits, and write the plan.

@@ -27,9 +27,9 @@ from duoglide.motion.path.segments import show
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
-from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.compare import first_least
 from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.trajectory import Trajectory
 from duoglide.planning.transfer.certificate import keeps
 from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
