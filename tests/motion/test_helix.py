@@ -13,7 +13,7 @@ from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import (
     Helix,
     Line,
-    backwards,
+    reverse_segment,
     segment_from_dict,
     segment_to_dict,
 )
@@ -102,12 +102,12 @@ def test_corners_of_a_helix_are_rounded_on_the_helix() -> None:
 
 @HELICES
 def test_the_way_back_goes_through_the_same_points(helix: Helix) -> None:
-    there, back = curve_of(helix), curve_of(backwards(helix))  # type: ignore[arg-type]
+    there, back = curve_of(helix), curve_of(reverse_segment(helix))  # type: ignore[arg-type]
     share = np.linspace(0.0, 1.0, 33)
     np.testing.assert_allclose(
         back.position(share * back.end), there.position((1.0 - share) * there.end), atol=1e-10
     )
-    again = backwards(backwards(helix))
+    again = reverse_segment(reverse_segment(helix))
     assert isinstance(again, Helix)
     np.testing.assert_allclose(again.centre, helix.centre, atol=1e-12)
 

@@ -59,7 +59,7 @@ def test_times_beyond_the_ends_are_clamped() -> None:
 
 
 def test_time_at_finds_the_first_arrival() -> None:
-    joined = Profile.joined([_random_profile(3), Profile.rest(_random_profile(3).end, 0.5)])
+    joined = Profile.join([_random_profile(3), Profile.rest(_random_profile(3).end, 0.5)])
     arrival = _random_profile(3).duration
     assert joined.time_at(joined.end) == arrival
     assert joined.duration == pytest.approx(arrival + 0.5, rel=1e-15)
@@ -70,7 +70,7 @@ def test_time_at_finds_the_first_arrival() -> None:
 def test_stretching_divides_each_derivative() -> None:
     profile = _random_profile(4)
     times = np.linspace(0.0, profile.duration, 50)
-    slow = profile.stretched(2.0).at(2.0 * times)
+    slow = profile.stretch(2.0).at(2.0 * times)
     assert slow == pytest.approx(profile.at(times) / [1.0, 2.0, 4.0, 8.0], rel=1e-8, abs=1e-6)
 
 

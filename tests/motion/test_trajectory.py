@@ -92,7 +92,7 @@ def test_a_file_without_a_plan_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_audit_finds_a_broken_limit(move: dg.Trajectory) -> None:
-    fast = dg.Trajectory(move.path, move.profile.stretched(0.9), move.stops)
+    fast = dg.Trajectory(move.path, move.profile.stretch(0.9), move.stops)
     found = fast.audit()
     ratio = found.jerk.max() / move.audit().jerk.max()
     assert ratio == pytest.approx(0.9**-3, rel=1e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from duoglide.planning.compare import first_least, less, whole
-from duoglide.planning.timing import solver as _retiming_solver
+from duoglide.planning.timing import solver
 
 
 def test_what_differs_by_rounding_is_not_less() -> None:
@@ -35,8 +35,8 @@ def test_a_whole_number_of_parts_stays_itself(count: int) -> None:
 
 @pytest.mark.parametrize("cells", range(480, 1500, 37))
 def test_windows_are_cut_alike_seen_from_either_end(cells: int) -> None:
-    for cuts in _retiming_solver._cuts(cells):
+    for cuts in solver._choose_cuts(cells):
         assert cuts[0] == 0
         np.testing.assert_array_equal(cuts[::-1], cells - cuts)
         widths = np.diff(cuts)
-        assert widths.max() <= _retiming_solver.LONG
+        assert widths.max() <= solver.LONG

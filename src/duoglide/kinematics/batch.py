@@ -63,7 +63,7 @@ def margins_many(position: FloatArray, k: PoseConstants) -> tuple[FloatArray, bo
     """Return what ``margins_pose`` does, shape (4, ...), and whether all poses are within reach."""
     measured = np.empty((4, *position.shape[:-1]))
     if compiles(position):
-        failed = _compiled(kernels.margins_loop)(_flat(position), measured.reshape(-1), k)
+        failed = _compiled(kernels.margins_loop)(_flat(position), measured.reshape(-1), tuple(k))
         return measured, failed == 0
     rows = measured.reshape(4, -1).T
     with np.errstate(invalid="ignore", over="ignore"):
@@ -78,7 +78,7 @@ def legs_many(rise: FloatArray, k: PoseConstants) -> tuple[FloatArray, FloatArra
         left, spread = _legs_columns(rise, k)
         return left, spread
     out = np.empty((2, *rise.shape))
-    _compiled(kernels.legs_loop)(rise.reshape(-1), out.reshape(-1), k)
+    _compiled(kernels.legs_loop)(rise.reshape(-1), out.reshape(-1), tuple(k))
     return out[0], out[1]
 
 
@@ -155,7 +155,7 @@ def _run(
     loop: Callable[..., int], array: FloatArray, k: PoseConstants | CarriageConstants
 ) -> tuple[FloatArray, bool]:
     out = np.empty(array.shape)
-    failed = _compiled(loop)(_flat(array), out.reshape(-1), k)
+    failed = _compiled(loop)(_flat(array), out.reshape(-1), tuple(k))
     return out, failed == 0
 
 

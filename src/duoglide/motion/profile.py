@@ -124,7 +124,7 @@ class Profile:
                 return top
             low, top = (middle, top) if self.at_time(middle)[0] < sigma else (low, middle)
 
-    def stretched(self, factor: float) -> Profile:
+    def stretch(self, factor: float) -> Profile:
         """Return the same motion with every time multiplied by ``factor``."""
         return Profile(self.knots * np.array([factor, 1.0, 1.0 / factor, 1.0 / factor**2]))
 
@@ -133,7 +133,7 @@ class Profile:
         return Profile(self.knots[: knot + 1])
 
     @staticmethod
-    def joined(parts: Sequence[Profile]) -> Profile:
+    def join(parts: Sequence[Profile]) -> Profile:
         """Return one profile after the other; each begins in the state where the last one ends."""
         rows = [parts[0].knots]
         for part in parts[1:]:

@@ -50,7 +50,7 @@ def ready() -> bool:
         for loop in (
             motion_kernel.carriage_motion,
             rows.fill_limits,
-            interior_point.direction,
+            interior_point.find_direction,
             interior_point.advance,
             carriage_bounds.through_links,
             nearby_kernel.swing,

@@ -17,6 +17,6 @@ def slowed(trajectory: Trajectory, override: float) -> Trajectory:
         return trajectory
     if trajectory.plan is not None and trajectory.pace is not None:
         return Trajectory.repaced(trajectory.plan, trajectory.pace.slowed(override))
-    profile = trajectory.profile.stretched(1.0 / override)
+    profile = trajectory.profile.stretch(1.0 / override)
     slow = renew_report(Motion(trajectory.path, profile, report=trajectory.report))
     return Trajectory.of(slow, stop_bounds(slow))

@@ -130,7 +130,7 @@ def test_a_retiming_under_caps_is_used_where_there_is_one() -> None:
 
     def retime(sigma: np.ndarray, cap: np.ndarray) -> dg.Trajectory:
         asked.append((sigma, cap))
-        return replace(FAST, profile=FAST.profile.stretched(1.3))
+        return replace(FAST, profile=FAST.profile.stretch(1.3))
 
     safe = make_brake_safe(FAST, retime)
     assert len(asked) == 1

@@ -22,7 +22,7 @@ from duoglide.planning.programs import planner as program_planner
 from duoglide.planning.programs import windows as program_windows
 from duoglide.planning.programs.windows import Seam
 from duoglide.planning.timing import moving as timing_moving
-from duoglide.planning.timing.base import seven_phases
+from duoglide.planning.timing.base import plan_seven_phases
 from duoglide.planning.timing.lead import Lead
 
 STEP = 1.0 / 20_000.0
@@ -298,7 +298,7 @@ def test_of_many_paths_a_few_are_held(machine: dg.Machine, monkeypatch: pytest.M
     def cut(window: Any, sigma: float) -> Seam:
         y = window.path.start[1] + sigma
         ends = [segment.end[1] for segment in window.path.segments]
-        way = seven_phases(0.0, 9.0, (1.0, 1.0, 1.0))
+        way = plan_seven_phases(0.0, 9.0, (1.0, 1.0, 1.0))
         return Seam(window, int(np.searchsorted(ends, y)), (-41.0, y, 290.0), Lead(way))
 
     monkeypatch.setattr(program_planner, "plan_window", planned)
@@ -321,7 +321,7 @@ def test_of_many_paths_a_few_are_held(machine: dg.Machine, monkeypatch: pytest.M
 def test_a_part_whose_refinement_fails_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every first refinement of a timing that begins in motion is said to have failed."""
     _fix_blends(monkeypatch)
-    sound, begin, asked = timing_moving._sound, timing_moving._Moving.begin, []
+    sound, begin, asked = timing_moving._is_sound, timing_moving._Moving.begin, []
 
     def beginning(*given: Any) -> Any:
         asked.clear()
@@ -332,7 +332,7 @@ def test_a_part_whose_refinement_fails_says_so(monkeypatch: pytest.MonkeyPatch) 
         return sound(*given) and len(asked) != 2  # the first is before any refinement
 
     monkeypatch.setattr(timing_moving._Moving, "begin", beginning)
-    monkeypatch.setattr(timing_moving, "_sound", failing)
+    monkeypatch.setattr(timing_moving, "_is_sound", failing)
     parts = list(dg.plan_program(_brisk(), _winding(3), tolerance=3.0))
     flagged = [part.report for part in parts if not part.starts_at_rest]
     assert flagged

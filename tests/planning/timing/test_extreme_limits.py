@@ -7,7 +7,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.planning.braking.certificate import brake_report
-from duoglide.planning.timing.base import seven_phases
+from duoglide.planning.timing.base import plan_seven_phases
 
 MOVE = dg.pick_and_place((-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0), 25.0, 4.0)
 
@@ -55,7 +55,7 @@ def test_jerk_without_a_limit_worth_the_name_comes_near_the_bound_without_any(je
 
 @pytest.mark.parametrize("jerk", 10.0 ** np.linspace(8.0, 15.0, 40))
 def test_phases_without_room_for_jerk_are_those_without_a_limit_of_it(jerk: float) -> None:
-    quick = seven_phases(0.0, 300.0, (1e9, 60e3, jerk)).duration
+    quick = plan_seven_phases(0.0, 300.0, (1e9, 60e3, jerk)).duration
     assert quick == pytest.approx(2.0 * (300.0 / 60e3) ** 0.5 + 60e3 / jerk, rel=1e-5)
 
 

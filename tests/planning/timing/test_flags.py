@@ -13,7 +13,7 @@ from duoglide.motion.audit import audit
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.planning.stops.certificate import stop_bounds
-from duoglide.planning.timing import interior_point as _interior_point
+from duoglide.planning.timing import interior_point
 from duoglide.planning.timing.time_path import time_path
 
 MOVE = dg.pick_and_place((-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0), 25.0, 4.0)
@@ -27,14 +27,14 @@ def path(machine: dg.Machine) -> CarriagePath:
 def _failing(monkeypatch: pytest.MonkeyPatch, after: int) -> list[bool]:
     """Let every solve after the first few fail; record which did."""
     failed: list[bool] = []
-    solve = _interior_point.solve
+    solve = interior_point.solve
 
     def watched(rows: Any, goal: Any, x: np.ndarray[Any, Any], *how: float) -> Any:
         failed.append(len(failed) >= after)
         steps, converged = solve(rows, goal, x, *how)
         return steps, converged and not failed[-1]
 
-    monkeypatch.setattr(_interior_point, "solve", watched)
+    monkeypatch.setattr(interior_point, "solve", watched)
     return failed
 
 

@@ -11,13 +11,12 @@ import duoglide as dg
 from duoglide.motion.audit import audit
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.timing_report import TimingMethod
-from duoglide.planning.timing import interior_point as _interior_point
-from duoglide.planning.timing import solver as _retiming_solver
+from duoglide.planning.timing import interior_point, solver
 from duoglide.planning.timing.span import Effort, time_span
 from duoglide.planning.timing.time_path import time_path
 from duoglide.planning.timing.timed_curve import TimedCurve
 
-QUICK = Effort(per_piece=2, rounds=2, refine=0, polish=1)
+QUICK = Effort(per_piece=2, rounds=2, refine=0, corrections=1)
 
 
 def _winding(machine: dg.Machine, points: int) -> CarriagePath:
@@ -34,7 +33,7 @@ def _winding(machine: dg.Machine, points: int) -> CarriagePath:
 def _watched(monkeypatch: pytest.MonkeyPatch, fail_every: int = 0) -> list[tuple[int, int]]:
     """Record cells and steps of each solve; some of them are made to fail."""
     solves: list[tuple[int, int]] = []
-    solve = _interior_point.solve
+    solve = interior_point.solve
 
     def watched(rows: Any, goal: Any, x: np.ndarray[Any, Any], *how: float) -> Any:
         steps, converged = solve(rows, goal, x, *how)
@@ -44,20 +43,20 @@ def _watched(monkeypatch: pytest.MonkeyPatch, fail_every: int = 0) -> list[tuple
             return steps, False
         return steps, converged
 
-    monkeypatch.setattr(_interior_point, "solve", watched)
+    monkeypatch.setattr(interior_point, "solve", watched)
     return solves
 
 
 def _by_windows(monkeypatch: pytest.MonkeyPatch, cells: int) -> None:
-    monkeypatch.setattr(_retiming_solver, "WINDOW", cells)
-    monkeypatch.setattr(_retiming_solver, "LONG", cells + cells // 2)
+    monkeypatch.setattr(solver, "WINDOW", cells)
+    monkeypatch.setattr(solver, "LONG", cells + cells // 2)
 
 
 def test_windows_cost_hardly_any_time_of_the_motion_and_keep_every_limit(
     machine: dg.Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = _winding(machine, 100)
-    monkeypatch.setattr(_retiming_solver, "LONG", 10**9)
+    monkeypatch.setattr(solver, "LONG", 10**9)
     whole = time_path(path)
     _by_windows(monkeypatch, 120)
     solves = _watched(monkeypatch)
@@ -92,7 +91,7 @@ def test_work_grows_with_the_number_of_points_and_each_solve_stays_small(
         timed = TimedCurve.of(path)
         solves = _watched(monkeypatch)
         time_span(timed, 0.0, path.curve.end, QUICK)
-        assert max(cells for cells, _ in solves) < _retiming_solver.LONG
+        assert max(cells for cells, _ in solves) < solver.LONG
         work.append(sum(cells * steps for cells, steps in solves) / points)
         monkeypatch.undo()
     assert work[1] <= 1.5 * work[0]

@@ -108,14 +108,14 @@ def section(
     order = _Order(_curves(geometry, bounds, mode.v), bounds, k, limits.beyond_case_2)
     middle, reach = k.cx, k.l6
     x = np.unique(np.append(np.linspace(middle - reach, middle + reach, SAMPLES), middle))
-    breaks = np.concatenate([x[:1], _changes(order, x), x[-1:]])
+    breaks = np.concatenate([x[:1], _find_changes(order, x), x[-1:]])
     pieces = []
     for start, end in pairwise(breaks.tolist()):
         if end - start < SLIVER:
             continue
         between = order.pairs(0.5 * (start + end))
         pieces += [Piece(start, end, low, high) for low, high in between]
-    return Section(tuple(_merged(pieces)))
+    return Section(tuple(_merge(pieces)))
 
 
 def volume(
@@ -242,7 +242,7 @@ class _Order:
         return [(self.curves[low], self.curves[high]) for low, high in found]
 
 
-def _changes(order: _Order, x: FloatArray) -> FloatArray:
+def _find_changes(order: _Order, x: FloatArray) -> FloatArray:
     """Find where the order of the curves changes, to rounding, in ever finer steps."""
     found: list[FloatArray] = []
     signatures = order.signatures(x)
@@ -267,7 +267,7 @@ def _changes(order: _Order, x: FloatArray) -> FloatArray:
     return np.unique(np.concatenate(found)) if found else np.empty(0)
 
 
-def _merged(pieces: list[Piece]) -> list[Piece]:
+def _merge(pieces: list[Piece]) -> list[Piece]:
     """Join neighbouring pieces between the same curves."""
     done: list[Piece] = []
     for piece in pieces:

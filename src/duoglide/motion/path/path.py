@@ -27,14 +27,14 @@ from duoglide.motion.path.segments import (
     Spline,
     as_point,
     as_speed,
-    backwards,
     distance,
     require_apart,
+    reverse_segment,
     segment_from_dict,
     segment_to_dict,
     show,
 )
-from duoglide.motion.rounding.blend import Blend, Corner, as_corner, turned
+from duoglide.motion.rounding.blend import Blend, Corner, as_corner, turn_corner
 from duoglide.motion.rounding.round_segments import RoundedCurve, round_segments
 
 if TYPE_CHECKING:
@@ -228,8 +228,8 @@ class Path:
         count = len(self.segments)
         return replace(
             self,
-            segments=tuple(backwards(segment) for segment in self.segments[::-1]),
-            corners=tuple(turned(corner) for corner in self.corners[::-1]),
+            segments=tuple(reverse_segment(segment) for segment in self.segments[::-1]),
+            corners=tuple(turn_corner(corner) for corner in self.corners[::-1]),
             actions=tuple((count - i, action) for i, action in self.actions),
         )
 

@@ -317,18 +317,18 @@ def _require_near(points: FloatArray, name: str) -> None:
         raise InputError(f"{name}: a coordinate of {farthest:g} mm; none may exceed {FARTHEST:g}")
 
 
-def backwards(segment: Segment) -> Segment:
+def reverse_segment(segment: Segment) -> Segment:
     """Return the segment from its end to its start."""
     if isinstance(segment, Line):
         return Line(segment.end, segment.start, segment.speed)
     if isinstance(segment, Arc):
         return Arc(segment.end, segment.via, segment.start, segment.speed)
     if isinstance(segment, Helix):
-        return _helix_backwards(segment)
+        return _reverse_helix(segment)
     return Spline(segment.through[::-1], segment.speed)
 
 
-def _helix_backwards(helix: Helix) -> Helix:
+def _reverse_helix(helix: Helix) -> Helix:
     """Return the very same curve the other way round: its circle has the same radius."""
     first, second, _ = helix.vectors()
     cosine, sine = cos(helix.sweep), sin(helix.sweep)

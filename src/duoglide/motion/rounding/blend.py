@@ -148,6 +148,6 @@ def as_corner(corner: Any) -> Corner:
     return number
 
 
-def turned(corner: Corner) -> Corner:
+def turn_corner(corner: Corner) -> Corner:
     """Return the corner as the way back finds it."""
     return corner.turned() if isinstance(corner, Blend) else corner

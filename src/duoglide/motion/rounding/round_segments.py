@@ -69,7 +69,7 @@ def round_segments(
     """
     raw = raw_path(segments)
     rest, rounded = _sort_corners(tolerances, halts, raw)
-    corners = _corners_to_round(tolerances, raw, rounded)
+    corners = _find_corners_to_round(tolerances, raw, rounded)
     before, after = cut_backs(raw.curve, corners)
     long = 5.0 * corners.shape * np.minimum(before, after) >= SHORTEST
     rest[corners.waypoint[~long] - 1] = True
@@ -111,7 +111,9 @@ def _reversal_error(curve: Curve, corner: int, sigma: float, cosine: float) -> P
     )
 
 
-def _corners_to_round(tolerances: Sequence[Corner], raw: RawPath, rounded: BoolArray) -> Corners:
+def _find_corners_to_round(
+    tolerances: Sequence[Corner], raw: RawPath, rounded: BoolArray
+) -> Corners:
     """Collect what the search for cut-backs needs, and refuse explicit blends that overlap."""
     which = np.flatnonzero(rounded)
     chosen = [tolerances[i] for i in which.tolist()]
@@ -169,7 +171,7 @@ def _assemble(
     skip[left + 1] = after
     stop[left] -= before
     spans = np.where(stop - skip > VANISHED, stop - skip, 0.0)
-    kept = _trimmed(curve, skip, spans)
+    kept = _trim(curve, skip, spans)
     states = curve.both_sides(before, after, left)
     bend_spans = 5.0 * corners.shape * np.minimum(before, after)
     bends = quintics(*states, bend_spans)
@@ -180,7 +182,7 @@ def _assemble(
     place[order] = np.arange(order.size)
     keep = all_spans > 0.0
     rows = max(kept.shape[1], bends.shape[1] if left.size else 0)
-    chain = np.concatenate([_padded(kept, rows), _padded(bends[:, :rows], rows)])[order][keep]
+    chain = np.concatenate([_pad(kept, rows), _pad(bends[:, :rows], rows)])[order][keep]
     rates = np.concatenate([curve.rates, np.zeros(left.size)])[order][keep]
     joints = ends[place[raw.joints]]
     rests = np.unique(joints[rest])
@@ -194,14 +196,14 @@ def _assemble(
     return RoundedCurve(whole, waypoints, *table)
 
 
-def _padded(coefficients: FloatArray, rows: int) -> FloatArray:
+def _pad(coefficients: FloatArray, rows: int) -> FloatArray:
     """Append rows of zeros up to ``rows`` powers."""
     result = np.zeros((len(coefficients), rows, 3))
     result[:, : coefficients.shape[1]] = coefficients
     return result
 
 
-def _trimmed(curve: Curve, skip: FloatArray, spans: FloatArray) -> FloatArray:
+def _trim(curve: Curve, skip: FloatArray, spans: FloatArray) -> FloatArray:
     """Coefficients of the pieces without their first ``skip`` mm, ``spans`` mm long."""
     untouched = (skip == 0.0) & (spans == curve.spans)
     every = np.arange(curve.count)

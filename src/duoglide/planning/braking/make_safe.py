@@ -17,7 +17,7 @@ from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.planning.braking.certificate import ALLOWED, BrakeReport, DriveStops, brake_report
 from duoglide.planning.compare import whole
-from duoglide.planning.timing.use import peaks
+from duoglide.planning.timing.use import estimate_peaks
 from duoglide.planning.tolerances import CHUNK, NO_CAP
 
 Retime = Callable[[FloatArray, FloatArray], Motion]
@@ -115,7 +115,7 @@ def _slow_down(motion: Motion) -> tuple[Motion, BrakeReport]:
 
 def _stretch(motion: Motion, factor: float) -> tuple[Motion, BrakeReport]:
     """Return a motion that takes ``factor`` times as long, and its report."""
-    slow = Motion(motion.path, motion.profile.stretched(factor), report=motion.report)
+    slow = Motion(motion.path, motion.profile.stretch(factor), report=motion.report)
     return slow, brake_report(slow)
 
 
@@ -196,6 +196,6 @@ def _keeps_room(machine: Machine, q: FloatArray, v: FloatArray, wanted: FloatArr
         stops = DriveStops(machine, q, v, np.full(len(q), coast))
         places = np.stack([stops.at(np.full(len(q), f)) for f in _FRACTIONS], axis=1)
         here = np.maximum(room(machine, places).least(), _NONE)
-        least = np.minimum(least, -peaks(-here))
+        least = np.minimum(least, -estimate_peaks(-here))
     safe: BoolArray = least > wanted
     return safe

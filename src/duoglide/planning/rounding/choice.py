@@ -82,18 +82,22 @@ class _Corner:
     def blend(self, style: Style) -> Blend:
         """Return the blend of a style that uses the whole tolerance, or the room that there is."""
         balance = exp(self.side * style.balance)
-        scale = (1.0 - EXACT) * self.tolerance / self._deviation(balance, 1.0, style.shape)
+        scale = (1.0 - EXACT) * self.tolerance / self._measure_deviation(balance, 1.0, style.shape)
         before, after = balance * scale, scale
         if before > self.room[0]:
             before = self.room[0]
-            after = self._longest(lambda cut: self._deviation(before, cut, style.shape))
+            after = self._find_longest(
+                lambda cut: self._measure_deviation(before, cut, style.shape)
+            )
         if after > self.room[1]:
             after = self.room[1]
-            before = self._longest(lambda cut: self._deviation(cut, after, style.shape))
+            before = self._find_longest(
+                lambda cut: self._measure_deviation(cut, after, style.shape)
+            )
             before = min(self.room[0], before)
         return Blend(before, after, style.shape)
 
-    def _longest(self, deviation: Callable[[float], float]) -> float:
+    def _find_longest(self, deviation: Callable[[float], float]) -> float:
         """Return the longest cut-back beside a given one that keeps the tolerance."""
         goal = self.tolerance * (1.0 - EXACT)
         low, high = 0.0, max(self.room)
@@ -111,7 +115,7 @@ class _Corner:
                 high, over, under = cut, here, 0.5 * under
         return low
 
-    def _deviation(self, before: float, after: float, shape: float) -> float:
+    def _measure_deviation(self, before: float, after: float, shape: float) -> float:
         """Return how far the corner is from the blend of two lines [mm]."""
         way = 5.0 * shape * min(before, after)
 
@@ -151,18 +155,18 @@ def choose_blends(machine: Machine, path: Path) -> RoundedPath:
     rounded = round_corners(path)
     if all(isinstance(corner, Blend) or corner == 0.0 for corner in path.corners):
         return rounded
-    corners = _open_corners(path, rounded)
+    corners = _find_open_corners(path, rounded)
     if not corners:
         return rounded
     if len(corners) > _MOST_CORNERS:
-        return round_corners(_styled(path, corners, Style(*_USUAL)))
+        return round_corners(_apply_style(path, corners, Style(*_USUAL)))
     balances: tuple[float, ...] = _BALANCES
     if len(corners) == 1 and corners[0].side == 0:
         balances, corners = _BOTH_WAYS, [replace(corners[0], side=1)]
-    return _Search(machine, rounded, corners).best(balances)
+    return _Search(machine, rounded, corners).find_best(balances)
 
 
-def _open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
+def _find_open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
     """Collect the corners whose blends may be chosen, and the room that each of them has."""
     blends = [rounded.blend(i) for i in range(len(path.corners))]
     found = []
@@ -192,7 +196,7 @@ def _sign(value: float) -> int:
     return (value > 0.0) - (value < 0.0)
 
 
-def _styled(path: Path, corners: list[_Corner], style: Style) -> Path:
+def _apply_style(path: Path, corners: list[_Corner], style: Style) -> Path:
     """Return ``path`` with the blends of a style."""
     chosen = list(path.corners)
     for corner in corners:
@@ -219,56 +223,58 @@ class _Search:
         self._keys: dict[tuple[float, float], tuple[float, ...]] = {}
         self._like: list[Rough] = []  # of the first style: where all others begin
 
-    def best(self, balances: tuple[float, ...]) -> RoundedPath:
+    def find_best(self, balances: tuple[float, ...]) -> RoundedPath:
         """Return the path with the quickest blends found, or the plain one if that is quicker."""
         looks = [(balance, _SHAPE) for balance in balances]
         looks += [(balance, _SHARPER) for balance in balances[:3]]
-        point = self._quickest([*looks, (balances[0], _ROUNDER)])
+        point = self._choose_quickest([*looks, (balances[0], _ROUNDER)])
         for axis in (0, 1):
-            point = self._along(point, axis, _STEPS[axis])
-        if not less(self._time(point), self._time_of(self._plain)):
+            point = self._search_along(point, axis, _STEPS[axis])
+        if not less(self._estimate_style(point), self._estimate_path(self._plain)):
             return self._plain
         return self._tried[self._keys[point]][1]
 
-    def _along(self, point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
+    def _search_along(
+        self, point: tuple[float, float], axis: int, step: float
+    ) -> tuple[float, float]:
         """Go to the better side along one axis, and on to the peak of a parabola."""
-        here = self._time(point)
-        sides = [self._moved(point, axis, sign * step) for sign in (-1.0, 1.0)]
-        low, high = (self._time(side) for side in sides)
+        here = self._estimate_style(point)
+        sides = [self._move(point, axis, sign * step) for sign in (-1.0, 1.0)]
+        low, high = (self._estimate_style(side) for side in sides)
         candidates = [point, *sides]
         bend = low - 2.0 * here + high
         if _FLAT * here < bend < inf:
             steps = min(max(0.5 * (low - high) / bend, -1.0), 1.0)
-            candidates.append(self._moved(point, axis, steps * step))
-        return self._quickest(candidates)
+            candidates.append(self._move(point, axis, steps * step))
+        return self._choose_quickest(candidates)
 
-    def _quickest(self, candidates: list[tuple[float, float]]) -> tuple[float, float]:
+    def _choose_quickest(self, candidates: list[tuple[float, float]]) -> tuple[float, float]:
         """Return the quickest of some styles; of those that are as quick, the first."""
-        best, least = candidates[0], self._time(candidates[0])
+        best, least = candidates[0], self._estimate_style(candidates[0])
         for other in candidates[1:]:
-            if less(self._time(other), least):
-                best, least = other, self._time(other)
+            if less(self._estimate_style(other), least):
+                best, least = other, self._estimate_style(other)
         return best
 
     @staticmethod
-    def _moved(point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
+    def _move(point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
         values = [point[0], point[1]]
         values[axis] = min(max(values[axis] + step, _LEAST[axis]), _MOST[axis])
         return values[0], values[1]
 
-    def _time(self, point: tuple[float, float]) -> float:
+    def _estimate_style(self, point: tuple[float, float]) -> float:
         """Estimate a style, once for all styles that come to the same blends for want of room."""
         if point not in self._keys:
-            path = _styled(self._plain.path, self._corners, Style(*point))
+            path = _apply_style(self._plain.path, self._corners, Style(*point))
             blends = [corner for corner in path.corners if isinstance(corner, Blend)]
             key = tuple(round(v, _DIGITS) for b in blends for v in (b.before, b.after, b.shape))
             self._keys[point] = key
             if key not in self._tried:
                 rounded = round_corners(path)
-                self._tried[key] = self._time_of(rounded), rounded
+                self._tried[key] = self._estimate_path(rounded), rounded
         return self._tried[self._keys[point]][0]
 
-    def _time_of(self, rounded: RoundedPath) -> float:
+    def _estimate_path(self, rounded: RoundedPath) -> float:
         """Estimate how long a path takes [s]; infinity where it cannot be followed."""
         try:
             curve = rounded.platform_curve(self._machine)

@@ -76,7 +76,7 @@ def _prolong(motion: Motion, duration: float) -> Motion:
     profile, seconds = motion.profile, duration - motion.duration
     if seconds <= 0.0:
         return motion
-    return Motion(motion.path, Profile.joined([profile, Profile.rest(profile.end, seconds)]))
+    return Motion(motion.path, Profile.join([profile, Profile.rest(profile.end, seconds)]))
 
 
 def _cell_length(motion: Motion) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from duoglide.motion.profile import SIGMA, Profile, knots_of_jerks
 
 
-def seven_phases(start: float, end: float, bounds: tuple[float, float, float]) -> Profile:
+def plan_seven_phases(start: float, end: float, bounds: tuple[float, float, float]) -> Profile:
     """Return the quickest motion from rest to rest under constant bounds.
 
     Args:

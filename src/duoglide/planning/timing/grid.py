@@ -13,7 +13,7 @@ _NEAR = 0.25 * (1.0 + 1e-9)  # of a step; a knot nearer than that to a more impo
 # out, and one just as near too, whatever rounding makes of that
 
 
-def grid(
+def divide_motion(
     fixed: FloatArray,
     wished: FloatArray,
     clock: tuple[FloatArray, FloatArray],

@@ -14,9 +14,10 @@ from one place, and the steps themselves are plain Python.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
@@ -35,6 +36,36 @@ _ROUGH_GAP = 0.5  # What is at a bound at first leaves it sooner, yet the last d
 _BACK_COST = 0.9  # how far to go toward an infinite cost
 _FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 1e-8
 _STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1e-2 here
+
+
+class Rows(NamedTuple):
+    """Rows of the problem, each nonzero in ``WIDTH`` consecutive unknowns.
+
+    Attributes:
+        first: First unknown of each row, (m,).
+        factors: Of its unknowns, (m, 4).
+        bounds: What the row times the unknowns may be at most, (m,).
+    """
+
+    first: NDArray[np.int64]
+    factors: FloatArray
+    bounds: FloatArray
+
+
+class Goal(NamedTuple):
+    """The sum to be minimised.
+
+    Attributes:
+        first: First unknown of each point, (p,).
+        points: Factors of its unknowns, (p, 4).
+        offsets: What is added to each product, (p,).
+        weights: Of 1 / sqrt of that, (p,).
+    """
+
+    first: NDArray[np.int64]
+    points: FloatArray
+    offsets: FloatArray
+    weights: FloatArray
 
 
 @compiled
@@ -82,7 +113,7 @@ def back_solve(band: FloatArray, y: FloatArray) -> None:
 
 
 @compiled
-def times(first: Any, rows: FloatArray, x: FloatArray, out: FloatArray) -> None:
+def multiply(first: Any, rows: FloatArray, x: FloatArray, out: FloatArray) -> None:
     """Multiply the rows by ``x``."""
     for r in range(out.size):
         total = 0.0
@@ -92,7 +123,7 @@ def times(first: Any, rows: FloatArray, x: FloatArray, out: FloatArray) -> None:
 
 
 @inlined
-def cost_terms(goal: Any, value: FloatArray, gradient: FloatArray, band: FloatArray) -> float:
+def evaluate_cost(goal: Any, value: FloatArray, gradient: FloatArray, band: FloatArray) -> float:
     """Set gradient and Newton matrix to the derivatives of the cost, and return it."""
     first, points, _offsets, weights = goal
     for i in range(gradient.size):
@@ -118,9 +149,9 @@ def assemble(system: Any, goal: Any, iterate: Any, newton: Any, dual: FloatArray
     """Set gradient and Newton matrix to what cost and constraints make them; find the residuals.
 
     Args:
-        system: See ``solve``.
-        goal: See there.
-        iterate: Unknowns, cost's points, rows times unknowns, and the state of ``direction``.
+        system: As ``Rows``.
+        goal: As ``Goal``.
+        iterate: Unknowns, cost's points, rows times unknowns, and the state of ``find_direction``.
         newton: Newton matrix, gradient of the cost, step.
         dual: Where to write the gradient of the Lagrangian, (n,).
 
@@ -129,7 +160,7 @@ def assemble(system: Any, goal: Any, iterate: Any, newton: Any, dual: FloatArray
     """
     x, value, gx, state = iterate
     band, gradient, _dx = newton
-    cost = cost_terms(goal, value, gradient, band)
+    cost = evaluate_cost(goal, value, gradient, band)
     for i in range(x.size):
         dual[i] = gradient[i]
     first, rows, bounds = system
@@ -158,7 +189,7 @@ def assemble(system: Any, goal: Any, iterate: Any, newton: Any, dual: FloatArray
 
 
 @compiled
-def direction(system: Any, state: FloatArray, newton: Any, target: float, second: bool) -> Any:
+def find_direction(system: Any, state: FloatArray, newton: Any, target: float, second: bool) -> Any:
     """Solve for one step, of dx and of the slacks and multipliers in ``state``.
 
     ``state`` holds, a row each: residual of the constraint, slack, multiplier, step of the slack,
@@ -220,47 +251,41 @@ def advance(system: Any, goal: Any, iterate: Any, dx: FloatArray, go: Any) -> No
     for r in range(state.shape[1]):
         state[1, r] += go_s * state[3, r]
         state[2, r] += go_z * state[4, r]
-    times(first, points, x, value)
+    multiply(first, points, x, value)
     for p in range(weights.size):
         value[p] += offsets[p]
-    times(system[0], system[1], x, gx)
+    row_first, rows, _bounds = system
+    multiply(row_first, rows, x, gx)
 
 
-def _evaluate(system: Any, goal: Any, iterate: Any) -> None:
-    """Multiply rows and points by the unknowns."""
-    x, value, gx, _state = iterate
-    times(goal[0], goal[1], x, value)
-    value += goal[2]
-    times(system[0], system[1], x, gx)
-
-
-def excess(system: Any, x: FloatArray) -> float:
+def measure_excess(rows: Rows, x: FloatArray) -> float:
     """Return the largest row over its bound, of the bounds above zero."""
-    first, rows, bounds = system
-    product = np.empty(bounds.size)
-    times(first, rows, x, product)
-    above = bounds > 0.0
-    return float((product[above] / bounds[above]).max(initial=0.0))
+    product = np.empty(rows.bounds.size)
+    multiply(rows.first, rows.factors, x, product)
+    above = rows.bounds > 0.0
+    return float((product[above] / rows.bounds[above]).max(initial=0.0))
 
 
-def _begin(system: Any, goal: Any, iterate: Any, least: float, share: float) -> None:
+def _begin(rows: Rows, goal: Goal, iterate: Any, least: float, share: float) -> None:
     """Choose slacks, ``least`` or more, and multipliers: the gap is a share of the cost."""
-    _x, value, gx, state = iterate
-    _evaluate(system, goal, iterate)
+    x, value, gx, state = iterate
+    multiply(goal.first, goal.points, x, value)
+    value += goal.offsets
+    multiply(rows.first, rows.factors, x, gx)
     with np.errstate(divide="ignore", invalid="ignore"):  # then it does not converge
-        cost = (goal[3] / np.sqrt(value)).sum()
-    np.maximum(system[2] - gx, least, out=state[1])
+        cost = (goal.weights / np.sqrt(value)).sum()
+    np.maximum(rows.bounds - gx, least, out=state[1])
     np.divide(share * cost / gx.size, state[1], out=state[2])
 
 
 def solve(
-    system: Any, goal: Any, x: FloatArray, tolerance: float, least: float = LEAST_SLACK
+    rows: Rows, goal: Goal, x: FloatArray, tolerance: float, least: float = LEAST_SLACK
 ) -> tuple[int, bool]:
     """Solve in place.
 
     Args:
-        system: First unknown of each row (m,), the rows (m, 4), their bounds (m,).
-        goal: First unknown of each point (p,), the points (p, 4), offsets (p,), weights (p,).
+        rows: What is to be kept.
+        goal: What is to be minimised.
         x: Where to begin, (n,); need not be feasible, but must have a finite cost. The solution.
         tolerance: Of the cost, relative.
         least: Slack to begin with in rows that have less, or are exceeded.
@@ -268,24 +293,26 @@ def solve(
     Returns:
         Number of steps, and whether the tolerance was reached.
     """
-    n, m = x.size, system[2].size
+    n, m = x.size, rows.bounds.size
     state = np.zeros((5, m))
-    iterate = (x, np.empty(goal[3].size), np.empty(m), state)
-    newton = (np.empty((WIDTH, n)), np.empty(n), np.empty(n))
+    iterate = (x, np.empty(goal.weights.size), np.empty(m), state)
+    band, step = np.empty((WIDTH, n)), np.empty(n)
+    newton = (band, np.empty(n), step)
     dual = np.empty(n)
     share = _ROUGH_GAP if tolerance >= _ROUGH else _FIRST_GAP
-    _begin(system, goal, iterate, least, share)
-    for step in range(MAX_STEPS):
-        now, gap, slope, primal = assemble(system, goal, iterate, newton, dual)
+    _begin(rows, goal, iterate, least, share)
+    system, cost = tuple(rows), tuple(goal)  # numba takes 1 us longer to tell a named tuple
+    for count in range(MAX_STEPS):
+        now, gap, slope, primal = assemble(system, cost, iterate, newton, dual)
         if gap <= tolerance * now and slope <= _STATIONARY * now and primal <= _FEASIBLE:
-            return step, True
-        if not factor(newton[0], newton[0][0].copy()):
-            return step, False
-        _go_s, _go_z, ahead = direction(system, state, newton, 0.0, False)
+            return count, True
+        if not factor(band, band[0].copy()):
+            return count, False
+        _go_s, _go_z, ahead = find_direction(system, state, newton, 0.0, False)
         target = gap / m * (ahead / gap) ** 3
-        go_s, go_z, _ahead = direction(system, state, newton, target, True)
+        go_s, go_z, _ahead = find_direction(system, state, newton, target, True)
         if min(go_s, go_z) < _SHORT:  # the correction does more harm than good: only centre
-            go_s, go_z, _ahead = direction(system, state, newton, _CENTRE * gap / m, False)
+            go_s, go_z, _ahead = find_direction(system, state, newton, _CENTRE * gap / m, False)
         go = min(1.0, _BACK * go_s), min(1.0, _BACK * go_z)
-        advance(system, goal, iterate, newton[2], go)
+        advance(system, cost, iterate, step, go)
     return MAX_STEPS, False

@@ -66,7 +66,7 @@ class Lead:
         known = np.interp(cap.sigma, motion[:, 0], motion[:, 1] * _SAFE, right=0.0)
         return SigmaCap(cap.sigma, np.maximum(cap.speed, known))
 
-    def known(self, problem: RetimingProblem) -> Profile:
+    def find_known_part(self, problem: RetimingProblem) -> Profile:
         """Return the known way until it is as slow as no limit minds anywhere."""
         _, base = self._samples(problem.base)
         return self._level_off(base[:, 0], np.sqrt(problem.uniform().alpha[0]) * base[:, 1])
@@ -99,7 +99,7 @@ class Lead:
         speed[:_EARLY] /= (1.0 + 0.5 * ALLOWED) ** 2
         return replace(problem, speed=speed, from_rest=False)
 
-    def first_motion(self, start: float, end: float, bounds: tuple[float, ...]) -> Profile:
+    def find_first_motion(self, start: float, end: float, bounds: tuple[float, ...]) -> Profile:
         """Return a motion from this state to rest that never turns back.
 
         Args:

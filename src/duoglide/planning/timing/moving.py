@@ -9,7 +9,7 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.motion.profile import SIGMA, TIME, Profile
-from duoglide.planning.timing.grid import grid
+from duoglide.planning.timing.grid import divide_motion
 from duoglide.planning.timing.lead import ALLOWED, Lead, continue_known, thin
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem
 from duoglide.planning.timing.span import (
@@ -17,14 +17,14 @@ from duoglide.planning.timing.span import (
     Effort,
     Search,
     Span,
-    divided,
-    fitting_bounds,
-    in_part,
-    marks,
-    parts_of,
+    count_parts,
+    divide_cells,
+    find_marks,
+    fit_bounds,
+    make_span,
 )
 from duoglide.planning.timing.timed_curve import TimedCurve
-from duoglide.planning.timing.use import largest_use, stretch
+from duoglide.planning.timing.use import find_largest_use, find_stretch
 
 _SHARP = 1e-7  # of the duration: a start in motion leaves little room, in which rounding grows
 _SAME = 1e-3  # of the duration; knots nearer than that to one that must be are left out
@@ -43,11 +43,11 @@ def time_moving(timed: TimedCurve, lead: Lead, end: float, effort: Effort) -> Sp
         LimitError: None was found that begins like this.
     """
     effort = replace(effort, tolerance=min(effort.tolerance, _SHARP))
-    sigma = marks(timed, 0.0, end)
-    base = lead.first_motion(0.0, end, _bounds(timed, sigma))
-    search = _Moving(Search.along(timed, base, sigma), lead)
+    sigma = find_marks(timed, 0.0, end)
+    base = lead.find_first_motion(0.0, end, _bounds(timed, sigma))
+    search = _Moving(Search.of(timed, base, sigma), lead)
     with np.errstate(invalid="ignore", divide="ignore"):  # what is no motion is given up
-        found = search.quickest(effort) or search.quickest(effort.finer())
+        found = search.find_quickest(effort) or search.find_quickest(effort.use_more_cells())
     if found is None:
         raise LimitError(f"no timing was found that begins at {lead.speed:g} mm/s")
     return found
@@ -55,7 +55,7 @@ def time_moving(timed: TimedCurve, lead: Lead, end: float, effort: Effort) -> Sp
 
 def _bounds(timed: TimedCurve, sigma: FloatArray) -> tuple[float, float, float]:
     """Return what fits limits and caps: a base far too fast has no room in its first cells."""
-    speed, acceleration, jerk = fitting_bounds(timed, sigma)
+    speed, acceleration, jerk = fit_bounds(timed, sigma)
     if timed.has_caps:
         unit = np.zeros((sigma.size, 1, 4))
         unit[:, 0, 0], unit[:, 0, 1] = sigma, 1.0
@@ -76,49 +76,51 @@ class _Moving:
     search: Search
     lead: Lead
 
-    def problem(self, times: FloatArray) -> RetimingProblem:
+    def state_problem(self, times: FloatArray) -> RetimingProblem:
         """State the problem on a grid."""
-        return self.lead.grant(self.search.problem(times))
+        return self.lead.grant(self.search.state_problem(times))
 
-    def quickest(self, effort: Effort) -> Span | None:
+    def find_quickest(self, effort: Effort) -> Span | None:
         """Return the near-optimal motion, or None where none keeps the limits."""
         reason = ""
         times, start = self.begin(effort)
-        problem = self.problem(times)
-        found = problem.settled(start, effort.rounds - 1, effort.tolerance)
-        if not _sound(problem, found):
+        problem = self.state_problem(times)
+        found = problem.settle(start, effort.rounds - 1, effort.tolerance)
+        if not _is_sound(problem, found):
             return None
         for _ in range(effort.refine):
-            parts = parts_of(self.search.timed, problem.profile(found))
-            before, times = times, divided(times, parts)
-            finer = self.problem(times)
-            again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
-            if not _sound(finer, again):
+            parts = count_parts(self.search.timed, problem.profile(found))
+            before, times = times, divide_cells(times, parts)
+            finer = self.state_problem(times)
+            again = finer.improve(found.resample(before, times), 1, effort.tolerance)
+            if not _is_sound(finer, again):
                 reason = COARSE
                 break
             problem, found = finer, again
-        profile = self.polished(problem, found, effort)
-        return None if profile is None else in_part(profile, reason)
+        profile = self.correct_overshoots(problem, found, effort)
+        return None if profile is None else make_span(profile, reason)
 
-    def polished(self, problem: RetimingProblem, found: Retiming, effort: Effort) -> Profile | None:
+    def correct_overshoots(
+        self, problem: RetimingProblem, found: Retiming, effort: Effort
+    ) -> Profile | None:
         """Lower the limits where the motion exceeds them between knots, until it does not."""
         limits = replace(self.search.timed, sigma_cap=None)  # drive stops judge that cap
-        for _ in range(effort.polish + 1):
+        for _ in range(effort.corrections + 1):
             profile = problem.profile(found)
-            use = largest_use(limits, profile)
-            if stretch(use) < 1.0 + ALLOWED:
+            use = find_largest_use(limits, profile)
+            if find_stretch(use) < 1.0 + ALLOWED:
                 return profile
-            problem = problem.tightened(use)
-            found = problem.improved(found, 1, effort.tolerance)
-            if not _sound(problem, found):
+            problem = problem.tighten(use)
+            found = problem.improve(found, 1, effort.tolerance)
+            if not _is_sound(problem, found):
                 break
         return None
 
     def begin(self, effort: Effort) -> tuple[FloatArray, Retiming]:
         """Return a grid with the knots of the known way to rest, and that way itself."""
         search = self.search
-        rough = self.problem(search.grid(search.own_clock, effort.coarse, 2))
-        known = self.lead.known(rough)
+        rough = self.state_problem(search.divide_base(search.own_clock, effort.coarse, 2))
+        known = self.lead.find_known_part(rough)
         slowness = continue_known(known, rough).alpha ** -0.5
         shown = np.cumsum(0.5 * rough.delta * (slowness[1:] + slowness[:-1]))
         clock = rough.base.knots[:, TIME], np.concatenate([[0.0], shown])
@@ -129,10 +131,10 @@ class _Moving:
         parts = np.linspace(beyond[:-1], beyond[1:], effort.per_piece + 1)[1:-1]
         wanted = [*there[gap > _SAME * search.base.duration], *parts.ravel()]
         fixed = np.union1d(search.fixed, wanted)
-        times = grid(fixed, np.zeros(0), clock, effort.cells, 1)
-        return times, continue_known(known, self.problem(times))
+        times = divide_motion(fixed, np.zeros(0), clock, effort.cells, 1)
+        return times, continue_known(known, self.state_problem(times))
 
 
-def _sound(problem: RetimingProblem, found: Retiming) -> bool:
+def _is_sound(problem: RetimingProblem, found: Retiming) -> bool:
     """Whether the solver converged, to a motion that goes on between the nodes too."""
     return found.converged and bool(np.isfinite(found.durations(problem.delta)).all())

@@ -4,7 +4,7 @@ A motion along the path is retimed by theta(t), where theta is its own time. Nea
 is sigma ~ theta^3, so that retiming it never meets the infinite slopes that path speed as a
 function of sigma has there; and where the motion is the quickest, alpha = 1, beta = 0 is exact.
 
-Velocity and acceleration limits are linear in (alpha, beta) of ``_retiming_rows``. A jerk limit,
+Velocity and acceleration limits are linear in (alpha, beta) of ``rows``. A jerk limit,
 
     |q' d beta/d theta + 3 q'' beta + q''' alpha| <= J / sqrt(alpha),
 
@@ -21,7 +21,7 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
 from duoglide.planning.timing.rows import POINTS
-from duoglide.planning.timing.solver import Limits, solve
+from duoglide.planning.timing.solver import Limits, Nodes, solve
 from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -45,7 +45,7 @@ class Retiming:
     converged: bool = True
     kept: int = 0
 
-    def resampled(self, times: FloatArray, at: FloatArray) -> Retiming:
+    def resample(self, times: FloatArray, at: FloatArray) -> Retiming:
         """Return the same retiming on another grid.
 
         Args:
@@ -86,7 +86,7 @@ class RetimingProblem:
     Attributes:
         base: The motion to improve; its knots are the grid.
         delta: Length of each cell in the time of ``base`` [s], (n,).
-        speed: See ``_retiming_rows.limit_rows``.
+        speed: See ``rows.make_limit_rows``.
         acceleration: See there.
         jerk: See there.
         from_rest: Whether the motion begins at rest; else it begins as ``base`` does.
@@ -122,16 +122,16 @@ class RetimingProblem:
         count = self.delta.size + 1
         return Retiming(np.full(count, 1.0 / max(v, a, np.cbrt(j) ** 2)), np.zeros(count))
 
-    def improved(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
+    def improve(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
         """Return the retiming after ``rounds`` tangents, each problem solved to ``tolerance``."""
         now = start
         for _ in range(rounds):
             now = self._solve(now, tolerance)
         return now
 
-    def settled(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
+    def settle(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
         """Return the retiming after ``rounds`` tangents and as many more as still gain much."""
-        now = self.improved(start, rounds, tolerance)
+        now = self.improve(start, rounds, tolerance)
         last = float(now.durations(self.delta).sum())
         for _ in range(_MOST_ROUNDS):
             again = self._solve(now, tolerance)
@@ -145,10 +145,10 @@ class RetimingProblem:
 
     def _solve(self, start: Retiming, tolerance: float) -> Retiming:
         limits = Limits(self.delta, self.speed, self.acceleration, self.jerk)
-        found = solve(limits, (start.alpha, start.beta), tolerance, self.from_rest)
+        found = solve(limits, Nodes(start.alpha, start.beta), tolerance, self.from_rest)
         return Retiming(*found.nodes, found.converged, found.kept)
 
-    def tightened(self, use: FloatArray) -> RetimingProblem:
+    def tighten(self, use: FloatArray) -> RetimingProblem:
         """Return this problem with the limits lowered where a solution overshoots them.
 
         Args:

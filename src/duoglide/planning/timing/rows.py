@@ -21,20 +21,17 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
-from duoglide.planning.timing.interior_point import WIDTH
+from duoglide.planning.timing.interior_point import WIDTH, Goal, Rows
 
 POINTS = 3  # Limits are kept at so many points of each cell.
 _BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
 _LEAST = 0.02  # of alpha at a node, that its Bernstein coefficient keeps
 
-Rows = tuple[NDArray[np.int64], FloatArray, FloatArray]
-"""First unknown of each row (m,), its four factors (m, 4), and its bound or weight (m,)."""
 
-
-def limit_rows(
+def make_limit_rows(
     delta: FloatArray, unit: float, limits: tuple[FloatArray, ...], tangent: FloatArray
 ) -> Rows:
-    """Return the rows (first unknown, four factors, bound) of every limit.
+    """Return the rows of every limit.
 
     Args:
         delta: Length of each cell, (n,).
@@ -48,20 +45,20 @@ def limit_rows(
     _speed, acceleration, jerk = limits
     nodes = 1 + 2 * acceleration.shape[2]
     count = delta.size * (4 + 2 * nodes + 2 * POINTS * jerk.shape[2]) + nodes
-    rows = np.empty(count, dtype=np.int64), np.empty((count, WIDTH)), np.empty(count)
-    fill_limits((delta, unit), limits, tangent, np.zeros((POINTS, 3, WIDTH)), rows)
+    rows = Rows(np.empty(count, dtype=np.int64), np.empty((count, WIDTH)), np.empty(count))
+    fill_limits((delta, unit), limits, tangent, np.zeros((POINTS, 3, WIDTH)), tuple(rows))
     return rows
 
 
-def duration_points(delta: FloatArray, unit: float) -> Rows:
-    """Return alpha at five points of each cell as rows (first unknown, factors), Boole's weights.
+def make_duration_points(delta: FloatArray, unit: float) -> Goal:
+    """Return the duration: alpha at five points of each cell, with Boole's weights.
 
     With fewer points an alpha that swings between them would cost nothing.
     """
     count = delta.size * _BOOLE.size
-    points = np.empty(count, dtype=np.int64), np.empty((count, WIDTH)), np.empty(count)
-    fill_points(delta, unit, _BOOLE, points)
-    return points
+    first, points, weights = np.empty(count, np.int64), np.empty((count, WIDTH)), np.empty(count)
+    fill_points(delta, unit, _BOOLE, (first, points, weights))
+    return Goal(first, points, np.zeros(count), weights)
 
 
 def replace_unknowns(
@@ -111,7 +108,7 @@ def write_alpha(u: float, slope: float, factor: float, row: FloatArray) -> None:
 
 @compiled
 def fill_points(delta: FloatArray, unit: float, boole: FloatArray, out: Any) -> None:
-    """Fill the rows of ``duration_points``."""
+    """Fill the rows of ``make_duration_points``."""
     first, points, weights = out
     count = boole.size
     for k in range(delta.size):
@@ -157,11 +154,11 @@ def write_pair(at: Any, factors: Any, slack: float, rows: FloatArray, r: int) ->
 
 @compiled
 def fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, out: Any) -> None:
-    """Fill the rows of ``limit_rows``.
+    """Fill the rows of ``make_limit_rows``.
 
     Args:
         cells: Length of each, and the factor of beta in the unknowns.
-        limits: See ``limit_rows``.
+        limits: See ``make_limit_rows``.
         tangent: See there.
         at: Zeros, (3, 3, 4): room for the rows of alpha, beta and d beta/d theta of one cell.
         out: The rows.

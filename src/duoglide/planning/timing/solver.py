@@ -11,16 +11,15 @@ with the number of cells, and each solve stays as small, and converges as well, 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
-from duoglide.planning.timing import interior_point as _interior_point
-from duoglide.planning.timing import rows as _retiming_rows
-
-Nodes: TypeAlias = tuple[FloatArray, FloatArray]  # alpha and beta at each node, (n + 1,)
+from duoglide.planning.timing import interior_point
+from duoglide.planning.timing.interior_point import Rows
+from duoglide.planning.timing.rows import make_duration_points, make_limit_rows, replace_unknowns
 
 WINDOW = 320  # cells
 LONG = 480  # cells, from which on a problem is cut into windows
@@ -33,8 +32,23 @@ _FAR_SLACK = 0.1  # Rows that are exceeded then begin with this slack.
 _ENOUGH = 0.5  # A sweep has failed unless this share of the windows converges.
 
 
+class Nodes(NamedTuple):
+    """Alpha and beta at each node, (n + 1,) each."""
+
+    alpha: FloatArray
+    beta: FloatArray
+
+    def between(self, low: int, high: int) -> Nodes:
+        """Return the nodes of the cells from ``low`` to before ``high``."""
+        return Nodes(self.alpha[low : high + 1], self.beta[low : high + 1])
+
+    def scaled(self, factor: float) -> Nodes:
+        """Return all of it times a factor."""
+        return Nodes(self.alpha * factor, self.beta * factor)
+
+
 class Limits(NamedTuple):
-    """Length of each cell, and the limits of ``_retiming_rows.limit_rows``."""
+    """Length of each cell, and the limits of ``make_limit_rows``."""
 
     delta: FloatArray
     speed: FloatArray
@@ -72,16 +86,16 @@ def solve(limits: Limits, start: Nodes, tolerance: float, from_rest: bool = True
     """
     cells = limits.delta.size
     if cells < LONG or not from_rest:
-        rows = _rows(limits, start)
-        return Solution(*_window(limits, rows, start, (from_rest, True), tolerance))
-    edges, between = _cuts(cells)
+        rows = _make_rows(limits, start)
+        return Solution(*_solve_window(limits, rows, start, (from_rest, True), tolerance))
+    edges, between = _choose_cuts(cells)
     first = _sweep(limits, start, edges, tolerance)
     if not first.converged:
         return first
     return _sweep(limits, first.nodes, between, tolerance)
 
 
-def _cuts(cells: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _choose_cuts(cells: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return where the windows of both sweeps begin and end."""
     edges = np.linspace(0.0, cells, round(cells / WINDOW) + 1)
     between = 0.5 * (edges[1:] + edges[:-1])
@@ -99,28 +113,30 @@ def _round_cuts(cuts: FloatArray, cells: int) -> NDArray[np.intp]:
 
 def _sweep(limits: Limits, start: Nodes, cuts: NDArray[np.intp], tolerance: float) -> Solution:
     """Solve each window between two cuts."""
-    worst = _interior_point.excess(_rows(limits, start), _unknowns(start, _unit(limits)))
+    worst = interior_point.measure_excess(
+        _make_rows(limits, start), _stack_unknowns(start, _unit(limits))
+    )
     scale = _SHRINK_ENDS / max(1.0, worst)
-    alpha, beta = start[0] * scale, start[1] * scale
+    now = start.scaled(scale)
     kept = 0
     for low, high in pairwise(cuts.tolist()):
         if high - low == 1:
             continue  # both of its nodes stay as they are
-        at = slice(low, high + 1)
         part = limits.window(low, high)
-        rows = _rows(part, (start[0][at], start[1][at]))
+        rows = _make_rows(part, start.between(low, high))
         at_rest = low == 0, high == limits.delta.size
-        found, converged = _window(part, rows, (alpha[at], beta[at]), at_rest, tolerance)
+        here = now.between(low, high)
+        found, converged = _solve_window(part, rows, here, at_rest, tolerance)
         if converged:
-            alpha[at], beta[at] = found
+            here.alpha[:], here.beta[:] = found
         else:
             kept += 1
-    return Solution((alpha, beta), kept <= (1.0 - _ENOUGH) * (cuts.size - 1), kept)
+    return Solution(now, kept <= (1.0 - _ENOUGH) * (cuts.size - 1), kept)
 
 
-def _window(
+def _solve_window(
     limits: Limits,
-    rows: tuple[NDArray[np.int64], FloatArray, FloatArray],
+    rows: Rows,
     begin: Nodes,
     at_rest: tuple[bool, bool],
     tolerance: float,
@@ -135,31 +151,29 @@ def _window(
         tolerance: Of the duration, relative.
     """
     unit = _unit(limits)
-    first, factors, bounds = rows
-    point_first, points, weights = _retiming_rows.duration_points(limits.delta, unit)
-    x = _unknowns(begin, unit)
-    ties = _ties(x, at_rest)
-    offsets = _retiming_rows.replace_unknowns(point_first, points, ties)
-    bounds -= _retiming_rows.replace_unknowns(first, factors, ties)
-    shrinks, slack = [1.0], _interior_point.LEAST_SLACK
+    goal = make_duration_points(limits.delta, unit)
+    x = _stack_unknowns(begin, unit)
+    ties = _find_ties(x, at_rest)
+    goal = goal._replace(offsets=replace_unknowns(goal.first, goal.points, ties))
+    np.subtract(rows.bounds, replace_unknowns(rows.first, rows.factors, ties), out=rows.bounds)
+    shrinks, slack = [1.0], interior_point.LEAST_SLACK
     if all(at_rest):
-        over = _interior_point.excess(rows, x)
+        over = interior_point.measure_excess(rows, x)
         x /= min(max(1.0, over), _FAR)
         slack = _FAR_SLACK if over > _FAR else slack
         shrinks = list(_SHRINKS)
     else:
-        bounds[~factors.any(axis=1)] = 1.0  # nothing is left to decide there
-    goal = (point_first, points, offsets, weights)
+        rows.bounds[~rows.factors.any(axis=1)] = 1.0  # nothing is left to decide there
     inside, converged = x, False
     while shrinks and not converged:
         x = inside * shrinks.pop(0)
-        _steps, converged = _interior_point.solve(rows, goal, x, tolerance, slack)
+        _steps, converged = interior_point.solve(rows, goal, x, tolerance, slack)
     for unknown, by, value in ties:
         x[unknown] = x[by] if by >= 0 else value
-    return (x[0::2].copy(), x[1::2] / unit), bool(converged)
+    return Nodes(x[0::2].copy(), x[1::2] / unit), bool(converged)
 
 
-def _ties(x: FloatArray, at_rest: tuple[bool, bool]) -> list[tuple[int, int, float]]:
+def _find_ties(x: FloatArray, at_rest: tuple[bool, bool]) -> list[tuple[int, int, float]]:
     """Return the unknowns at the ends that are not free: which, and by which other or value.
 
     At rest alpha is constant in the first or last cell: what else it did there would cost nothing,
@@ -175,15 +189,12 @@ def _ties(x: FloatArray, at_rest: tuple[bool, bool]) -> list[tuple[int, int, flo
     return ties
 
 
-def _rows(limits: Limits, at: Nodes) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+def _make_rows(limits: Limits, at: Nodes) -> Rows:
     """Return the rows of all limits, with the tangents of the jerk limit at ``at``."""
     alpha, beta = at
     middle = 0.5 * (alpha[1:] + alpha[:-1]) - 0.25 * limits.delta * np.diff(beta)
     tangent = np.column_stack([alpha[:-1], middle, alpha[1:]])
-    first, factors, bounds = _retiming_rows.limit_rows(
-        limits.delta, _unit(limits), tuple(limits[1:]), tangent
-    )
-    return first, factors, bounds
+    return make_limit_rows(limits.delta, _unit(limits), tuple(limits[1:]), tangent)
 
 
 def _unit(limits: Limits) -> float:
@@ -191,9 +202,9 @@ def _unit(limits: Limits) -> float:
     return float(limits.delta.sum()) / limits.delta.size
 
 
-def _unknowns(nodes: Nodes, unit: float) -> FloatArray:
+def _stack_unknowns(nodes: Nodes, unit: float) -> FloatArray:
     """Return alpha and ``unit`` times beta of each node in turn."""
-    x = np.empty(2 * nodes[0].size)
-    x[0::2] = nodes[0]
-    x[1::2] = unit * nodes[1]
+    x = np.empty(2 * nodes.alpha.size)
+    x[0::2] = nodes.alpha
+    x[1::2] = unit * nodes.beta
     return x

@@ -12,11 +12,11 @@ from duoglide.arrays import FloatArray
 from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.planning.compare import less
-from duoglide.planning.timing.base import seven_phases
-from duoglide.planning.timing.grid import grid
+from duoglide.planning.timing.base import plan_seven_phases
+from duoglide.planning.timing.grid import divide_motion
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem, on_grid
 from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
-from duoglide.planning.timing.use import POINTS, largest_use, stretch
+from duoglide.planning.timing.use import POINTS, find_largest_use, find_stretch
 
 _ROUNDING = 1e-6
 _LONG = 6  # corrections, after which ``_NEARLY`` is enough
@@ -28,7 +28,7 @@ _CLOSELY = 33  # points of a cell, where windows did not converge
 _SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
 _SAME = 1e-7  # of the duration; knots nearer than that are one
 COARSE = "a refinement did not converge: the motion before it is kept"
-_UNPOLISHED = "a correction of overshoots did not converge: the whole is slowed instead"
+_UNCORRECTED = "a correction of overshoots did not converge: the whole is slowed instead"
 _NOT_CONVERGED = "the interior-point method did not converge"
 _ABOUT = 3e-3  # of the duration, to which an estimate is found
 _AGAIN = 2  # tangents of an estimate that begins from another one
@@ -46,7 +46,7 @@ class Effort:
         per_piece: Cells of each piece of the curve, at least.
         rounds: Tangents of the jerk limit, at least.
         refine: How often to divide cells in which the motion exceeds a limit between points.
-        polish: How often at most to lower limits where the motion between knots exceeds them.
+        corrections: How often at most to lower limits where the motion between knots exceeds them.
         tolerance: Of the duration, relative.
     """
 
@@ -55,10 +55,10 @@ class Effort:
     per_piece: int = 4
     rounds: int = 3
     refine: int = 2
-    polish: int = 12
+    corrections: int = 12
     tolerance: float = 1e-5
 
-    def finer(self) -> Effort:
+    def use_more_cells(self) -> Effort:
         """Return what to try where this did not converge: other knots, and more of them."""
         return replace(self, coarse=2 * self.coarse, cells=self.cells + self.cells // 2)
 
@@ -81,15 +81,15 @@ class Span:
 def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Span:
     """Time the part of a curve between two rests, ``start`` and ``end`` [mm]."""
     search = Search.between(timed, start, end)
-    found = search.eased(effort).quickest(effort)
+    found = search.soften_limits(effort).find_quickest(effort)
     if found is None:
-        effort = effort.finer()
-        found = search.eased(effort).quickest(effort)
+        effort = effort.use_more_cells()
+        found = search.soften_limits(effort).find_quickest(effort)
     if found is None:
-        return Span(search.simple(), TimingMethod.CERTIFIED_SLOW, _NOT_CONVERGED)
+        return Span(search.slow_base(), TimingMethod.CERTIFIED_SLOW, _NOT_CONVERGED)
     if search.fixed.size > 2:
         return found
-    simple = search.simple()  # which is the optimum where all carriages move alike
+    simple = search.slow_base()  # which is the optimum where all carriages move alike
     return found if less(found.profile.duration, simple.duration) else Span(simple)
 
 
@@ -111,14 +111,14 @@ class Rough:
     shown: FloatArray
     retiming: Retiming
 
-    def begin(self, fixed: FloatArray, times: FloatArray) -> Retiming:
+    def adapt_retiming(self, fixed: FloatArray, times: FloatArray) -> Retiming:
         """Return this retiming for a curve like this one, at ``times`` of that one's base."""
         mine, its = self._pairs(fixed)
         at = np.interp(times, its, mine)
-        found = self.retiming.resampled(self.times, at)
+        found = self.retiming.resample(self.times, at)
         return replace(found, beta=found.beta * np.gradient(at, times))
 
-    def clock(self, fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def adapt_clock(self, fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the clock of a grid for a curve like this one."""
         mine, its = self._pairs(fixed)
         return np.interp(self.times, mine, its), self.shown
@@ -143,14 +143,14 @@ def estimate(
         like: The estimate for a curve like this one: where to begin. Estimates that begin alike
             can be compared with each other, better than each with the truth.
     """
-    search = Search.between(timed, start, end).eased(Effort(cells=cells))
-    clock = search.own_clock if like is None else like.clock(search.fixed)
-    times = search.grid(clock, cells, 4)
-    problem = search.problem(times)
+    search = Search.between(timed, start, end).soften_limits(Effort(cells=cells))
+    clock = search.own_clock if like is None else like.adapt_clock(search.fixed)
+    times = search.divide_base(clock, cells, 4)
+    problem = search.state_problem(times)
     if like is None:
-        found = problem.settled(problem.uniform(), 1, _ABOUT)
+        found = problem.settle(problem.uniform(), 1, _ABOUT)
     else:
-        found = problem.improved(like.begin(search.fixed, times), _AGAIN, _ABOUT)
+        found = problem.improve(like.adapt_retiming(search.fixed, times), _AGAIN, _ABOUT)
     if not found.converged:
         return Rough(inf, search.fixed, times, times, found)
     shown = np.append(0.0, np.cumsum(found.durations(problem.delta)))
@@ -176,12 +176,12 @@ class Search:
     @classmethod
     def between(cls, timed: TimedCurve, start: float, end: float) -> Search:
         """Return a search between two rests."""
-        sigma = marks(timed, start, end)
-        return cls.along(timed, seven_phases(start, end, fitting_bounds(timed, sigma)), sigma)
+        sigma = find_marks(timed, start, end)
+        return cls.of(timed, plan_seven_phases(start, end, fit_bounds(timed, sigma)), sigma)
 
     @classmethod
-    def along(cls, timed: TimedCurve, base: Profile, sigma: FloatArray) -> Search:
-        """Return a search that retimes ``base``; ``sigma`` are its ``marks``."""
+    def of(cls, timed: TimedCurve, base: Profile, sigma: FloatArray) -> Search:
+        """Return a search that retimes ``base``; ``sigma`` are what ``find_marks`` finds."""
         fixed = np.array([0.0, *(base.time_at(b) for b in sigma[1:-1]), base.duration])
         return cls(timed, base, fixed, sigma)
 
@@ -191,27 +191,29 @@ class Search:
         ends = np.array([0.0, self.base.duration])
         return ends, ends
 
-    def grid(self, clock: tuple[FloatArray, FloatArray], cells: int, least: int) -> FloatArray:
+    def divide_base(
+        self, clock: tuple[FloatArray, FloatArray], cells: int, least: int
+    ) -> FloatArray:
         """Divide the base into cells that are even on a clock."""
-        return grid(self.fixed, self.base.knots[1:-1, TIME], clock, cells, least)
+        return divide_motion(self.fixed, self.base.knots[1:-1, TIME], clock, cells, least)
 
-    def problem(self, times: FloatArray) -> RetimingProblem:
+    def state_problem(self, times: FloatArray) -> RetimingProblem:
         """State the problem on a grid."""
         return RetimingProblem.on(self.timed, on_grid(self.base, times, self.sigma))
 
-    def eased(self, effort: Effort) -> Search:
+    def soften_limits(self, effort: Effort) -> Search:
         """Return this search with limits of acceleration and jerk that it can make use of.
 
         A limit that could be reached in a small share of a cell is lowered: at any higher one the
         motion is as quick, but bends more sharply than cells can show.
         """
         cells = max(effort.cells, effort.per_piece * (self.fixed.size - 1))
-        timed = self.timed.eased(_RAMP * cells / self.base.duration)
+        timed = self.timed.soften_limits(_RAMP * cells / self.base.duration)
         if np.array_equal(timed.limits, self.timed.limits):
             return self
         return Search.between(timed, self.sigma[0], self.sigma[-1])
 
-    def simple(self) -> Profile:
+    def slow_base(self) -> Profile:
         """Return the base itself, slowed until it keeps every limit."""
         even = np.linspace(0.0, self.base.duration, 65)
         every = np.union1d(even, self.base.knots[:, TIME])
@@ -220,37 +222,39 @@ class Search:
         every = every[np.abs(gap) > _SAME * self.base.duration]
         apart = np.diff(every, prepend=-1.0) > _SAME * self.base.duration
         times = np.union1d(every[apart], self.fixed)
-        return _certified(self.timed, on_grid(self.base, times, self.sigma))
+        return _slow_to_limits(self.timed, on_grid(self.base, times, self.sigma))
 
-    def quickest(self, effort: Effort) -> Span | None:
+    def find_quickest(self, effort: Effort) -> Span | None:
         """Return the near-optimal motion, or None where the solver does not converge."""
-        coarse = self.grid(self.own_clock, effort.coarse, 2)
-        rough = self.problem(coarse)
-        first = rough.settled(rough.uniform(), 1, 1e-3)
+        coarse = self.divide_base(self.own_clock, effort.coarse, 2)
+        rough = self.state_problem(coarse)
+        first = rough.settle(rough.uniform(), 1, 1e-3)
         if not first.converged:
             return None
         clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
-        times = self.grid(clock, effort.cells, effort.per_piece)
-        timed = self.timed.eased(_RAMP * times.size / clock[1][-1])  # the base is slower than that
+        times = self.divide_base(clock, effort.cells, effort.per_piece)
+        timed = self.timed.soften_limits(
+            _RAMP * times.size / clock[1][-1]
+        )  # the base is slower than that
         search = replace(self, timed=timed)
-        problem = search.problem(times)
-        begin = first.resampled(coarse, times)
-        found = problem.settled(begin, max(1, effort.rounds - _SAVED), effort.tolerance)
+        problem = search.state_problem(times)
+        begin = first.resample(coarse, times)
+        found = problem.settle(begin, max(1, effort.rounds - _SAVED), effort.tolerance)
         if not found.converged:
             return None
         for _ in range(effort.refine):
-            parts = parts_of(timed, problem.profile(found))
-            before, times = times, divided(times, parts)
-            finer = search.problem(times)
-            again = finer.improved(found.resampled(before, times), 1, effort.tolerance)
+            parts = count_parts(timed, problem.profile(found))
+            before, times = times, divide_cells(times, parts)
+            finer = search.state_problem(times)
+            again = finer.improve(found.resample(before, times), 1, effort.tolerance)
             if not again.converged:
-                span = _polished(timed, problem, found, effort)
-                return in_part(span.profile, COARSE, span.reason)
+                span = _correct_overshoots(timed, problem, found, effort)
+                return make_span(span.profile, COARSE, span.reason)
             problem, found = finer, again
-        return _polished(timed, problem, found, effort)
+        return _correct_overshoots(timed, problem, found, effort)
 
 
-def marks(timed: TimedCurve, start: float, end: float) -> FloatArray:
+def find_marks(timed: TimedCurve, start: float, end: float) -> FloatArray:
     """Return sigma of both ends, and of every break between them that needs a knot [mm]."""
     breaks = timed.breaks
     sliver = min(_SLIVER, 1e-3 * (end - start))
@@ -259,7 +263,7 @@ def marks(timed: TimedCurve, start: float, end: float) -> FloatArray:
     return np.array([start, *inner, end])
 
 
-def fitting_bounds(timed: TimedCurve, marked: FloatArray) -> tuple[float, float, float]:
+def fit_bounds(timed: TimedCurve, marked: FloatArray) -> tuple[float, float, float]:
     """Return bounds of the derivatives of sigma that about fit the limits everywhere."""
     sigma = np.unique(np.concatenate([np.linspace(marked[0], marked[-1], 65), marked]))
     unit = np.zeros((sigma.size, 4))
@@ -271,12 +275,12 @@ def fitting_bounds(timed: TimedCurve, marked: FloatArray) -> tuple[float, float,
     return speed, acceleration, jerk
 
 
-def _certified(timed: TimedCurve, profile: Profile) -> Profile:
+def _slow_to_limits(timed: TimedCurve, profile: Profile) -> Profile:
     """Return ``profile``, slowed by one factor so that no limit is exceeded anywhere."""
-    return profile.stretched(stretch(largest_use(timed, profile)) * (1.0 + _ROUNDING))
+    return profile.stretch(find_stretch(find_largest_use(timed, profile)) * (1.0 + _ROUNDING))
 
 
-def parts_of(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
+def count_parts(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
     """Return into how many parts each cell is to be divided.
 
     A limit is exceeded between points, or none is used all along, as one is at the optimum.
@@ -287,41 +291,43 @@ def parts_of(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
     return np.where(slack, 2, np.clip(np.ceil(over), 1, 4)).astype(np.intp)
 
 
-def divided(times: FloatArray, parts: NDArray[np.intp]) -> FloatArray:
+def divide_cells(times: FloatArray, parts: NDArray[np.intp]) -> FloatArray:
     """Divide each cell of a grid into even parts."""
     cell = np.repeat(np.arange(parts.size), parts)
     share = (np.arange(cell.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[cell]
     return np.append(times[cell] + share * np.diff(times)[cell], times[-1])
 
 
-def _polished(timed: TimedCurve, problem: RetimingProblem, found: Retiming, effort: Effort) -> Span:
+def _correct_overshoots(
+    timed: TimedCurve, problem: RetimingProblem, found: Retiming, effort: Effort
+) -> Span:
     """Lower the limits where the motion exceeds them between knots; slow down by what remains."""
     best = problem.profile(found), found.kept
     least, remedy = inf, ""
-    for turn in range(effort.polish + 1):
+    for turn in range(effort.corrections + 1):
         profile = problem.profile(found)
-        use = largest_use(timed, profile)
-        factor = stretch(use)
+        use = find_largest_use(timed, profile)
+        factor = find_stretch(use)
         if profile.duration * factor < least:
             best, least = (profile, found.kept), profile.duration * factor
         enough = _NEARLY if turn >= _LONG else _FINE
-        if least < (1.0 + enough) * profile.duration or turn == effort.polish:
+        if least < (1.0 + enough) * profile.duration or turn == effort.corrections:
             break
-        problem = problem.tightened(use)
-        again = problem.improved(found, 1, effort.tolerance)
+        problem = problem.tighten(use)
+        again = problem.improve(found, 1, effort.tolerance)
         if not again.converged:
-            remedy = _UNPOLISHED
+            remedy = _UNCORRECTED
             break
         found = again
     profile, kept = best
     if kept:  # such a motion may bend within a cell as no solution does
-        close = stretch(largest_use(timed, profile, _CLOSELY))
+        close = find_stretch(find_largest_use(timed, profile, _CLOSELY))
         least = max(least, profile.duration * close)
-    profile = profile.stretched(least / profile.duration * (1.0 + _ROUNDING))
-    return in_part(profile, f"{kept} windows of it did not converge" if kept else "", remedy)
+    profile = profile.stretch(least / profile.duration * (1.0 + _ROUNDING))
+    return make_span(profile, f"{kept} windows of it did not converge" if kept else "", remedy)
 
 
-def in_part(profile: Profile, *reasons: str) -> Span:
+def make_span(profile: Profile, *reasons: str) -> Span:
     """Return a span that is near the optimum but for some reasons, which may be empty."""
     told = "; ".join(filter(None, reasons))
     return Span(profile, TimingMethod.IN_PART if told else TimingMethod.NEAR_OPTIMAL, told)

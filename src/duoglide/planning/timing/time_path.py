@@ -42,7 +42,7 @@ def time_path(
     if lead is not None:
         timed = lower_limits(timed, lead.ahead)
     if sigma_cap is not None:
-        timed = timed.capped(sigma_cap)
+        timed = timed.limit_speed(sigma_cap)
     rests = [0.0, *path.curve.rests, path.curve.end]
     dwells = {
         rest: [a.seconds for s, a in path.checked.actions if s == rest and isinstance(a, Dwell)]
@@ -60,7 +60,7 @@ def time_path(
         flagged += [span] if span.reason else []
         if progress is not None:
             progress(rest / path.curve.end)
-    return Motion(path, Profile.joined(parts), report=_report(flagged))
+    return Motion(path, Profile.join(parts), report=_report(flagged))
 
 
 def _report(flagged: list[Span]) -> TimingReport:

@@ -20,7 +20,7 @@ from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.profile import SIGMA, Profile
 from duoglide.motion.rounding.round_segments import SMOOTH
-from duoglide.planning.timing import motion_kernel as _motion_kernel
+from duoglide.planning.timing import motion_kernel
 from duoglide.planning.tolerances import NANOMETRE, NO_CAP
 
 _SIDES = 8  # pairs of opposite sides of the polygon that stands for a circle
@@ -74,11 +74,11 @@ class TimedCurve:
         checked = path.checked
         return cls(path.machine, path.curve, checked.speed_caps, checked.tool_acceleration)
 
-    def capped(self, cap: SigmaCap) -> TimedCurve:
+    def limit_speed(self, cap: SigmaCap) -> TimedCurve:
         """Return this with a cap on d sigma/dt."""
         return replace(self, sigma_cap=cap)
 
-    def eased(self, rate: float) -> TimedCurve:
+    def soften_limits(self, rate: float) -> TimedCurve:
         """Return this with limits of acceleration and jerk that take at least 1 / ``rate`` [s]."""
         return replace(self, rate=rate)
 
@@ -141,7 +141,7 @@ class TimedCurve:
         motion, piece = np.empty((*shape, 4)), np.empty(shape, dtype=np.intp)
         before = int(self.pieces_of(profile.knots[0, SIGMA]))
         breaks = self.curve.breaks[before:]
-        _motion_kernel.cell_states(profile.knots, profile.polynomials, breaks, motion, piece)
+        motion_kernel.cell_states(profile.knots, profile.polynomials, breaks, motion, piece)
         return motion, piece + before
 
     def motion(self, motion: FloatArray, piece: Any) -> FloatArray:
@@ -161,7 +161,7 @@ class TimedCurve:
         result = np.empty((*shape, 3, 3))
         rows = np.ascontiguousarray(motion).reshape(-1, 4)
         pieces = np.array(np.broadcast_to(piece, shape)).ravel()  # read-only compiles again
-        lost = _motion_kernel.carriage_motion(
+        lost = motion_kernel.carriage_motion(
             self._arrays, self._constants, rows, pieces, result.reshape(-1, 3, 3)
         )
         if lost >= 0:

@@ -13,18 +13,18 @@ from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 POINTS = 9  # at which each piece of a profile is looked at
 
 
-def largest_use(timed: TimedCurve, profile: Profile, points: int = POINTS) -> FloatArray:
+def find_largest_use(timed: TimedCurve, profile: Profile, points: int = POINTS) -> FloatArray:
     """Return the largest use of each limit in each piece of a profile, (n, 3, rows)."""
     motion = CellMotion.of(timed, profile, points)
-    use = peaks(motion.uses())
+    use = estimate_peaks(motion.uses())
     step = np.diff(profile.knots[:, TIME])[:, None, None, None] / (points - 1)
     rates = motion.carriages[:, :, 1:] * (timed.limits[1:] / timed.limits[:2]) * step
-    turns = _turning_values(motion.carriages[:, :, :2], rates)
+    turns = _find_turning_values(motion.carriages[:, :, :2], rates)
     use[:, :2, : turns.shape[-1]] = np.maximum(use[:, :2, : turns.shape[-1]], turns)
     return use
 
 
-def stretch(use: FloatArray) -> float:
+def find_stretch(use: FloatArray) -> float:
     """Return the factor of all times that brings the worst use to 1.
 
     Args:
@@ -34,7 +34,7 @@ def stretch(use: FloatArray) -> float:
     return max(v, sqrt(a), cbrt(j))
 
 
-def _turning_values(values: FloatArray, rates: FloatArray) -> FloatArray:
+def _find_turning_values(values: FloatArray, rates: FloatArray) -> FloatArray:
     """Return the largest amount where the cubics between samples turn; 0 where none does.
 
     Args:
@@ -56,7 +56,7 @@ def _turning_values(values: FloatArray, rates: FloatArray) -> FloatArray:
     return largest
 
 
-def peaks(samples: FloatArray) -> FloatArray:
+def estimate_peaks(samples: FloatArray) -> FloatArray:
     """Return the largest value between samples along axis 1, estimated by parabolas.
 
     Args:
