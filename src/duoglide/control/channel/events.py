@@ -97,6 +97,7 @@ class Condition(Enum):
     PRESSED = "quick stop was commanded"
     FOREIGN = "another host commands the drives"
     LASTING = "carriage stays away from where its setpoints lead"
+    LOST = "setpoints do not act, or something holds the carriage"
     ASTRAY = "carriage has not arrived at the last setpoint"
 
     @property

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 SETPOINT_DELAY = 2  # cycles from the SYNC that a setpoint follows to the SYNC when it is reached
 DRIVES_BRIDGE = 1  # cycle without a setpoint, at the velocity of the one before; then they stop
-_REMEMBERED = SETPOINT_DELAY + 2  # setpoints: the ones due at an answered SYNC and beside it
-_DUE = 1  # which of them was due at it
+_REMEMBERED = 6  # setpoints: those due at an answered SYNC, one cycle later, and earlier
+_DUE = -SETPOINT_DELAY - 1  # which of them was due at it
 _ZEROS: IntTriple = (0, 0, 0)
 _INFINITE = float("inf")
 _LEAST, _MOST = -(1 << 31), (1 << 31) - 1  # what a record has room for
@@ -258,8 +258,7 @@ class Streamer:
             self._unsteady -= 1
         else:
             self._unsure = 0
-        before, here, after, _ = self._sent
-        return DueSetpoints(before, here, after, self._margins[_DUE], self._unsure)
+        return DueSetpoints(tuple(self._sent)[:-1], self._margins[_DUE], self._unsure)
 
     def _tell_departure(self, number: int, trail: AxisTrail) -> None:
         """Tell that a carriage has not been where its setpoints lead, for some cycles."""
@@ -340,7 +339,8 @@ class Streamer:
         astray = self._watch.farthest_from(self._setpoint)
         if stands and not astray:
             self._settling = 0
-            self._end_run(Happening.FINISHED)
+            stopped = self._watch.reaction is not Reaction.NONE  # too late to stop before the end
+            self._end_run(Happening.STOPPED if stopped else Happening.FINISHED)
             return
         self._rate, self._phase = 0.0, Phase.HOLD
         self._settling += 1 + self._skipped
