@@ -33,9 +33,15 @@ class Power(IntEnum):
     SILENT = 0  # no setpoints are sent; somebody else may write controlwords
     OFF = 1
     ON = 2
-    HOMING = 3  # on, with bit 4: in homing mode, go
+    HOMING = 3  # on, while homing is prepared: bit 4 stays low
     QUICK_STOP = 4
     RESET = 5  # rising edges of bit 7 to whoever is in fault
+    HOMING_START = 6  # on, with bit 4: whoever is in homing mode begins
+
+    @property
+    def homes(self) -> bool:
+        """Whether the drives are in homing mode, or on their way there or back."""
+        return self in (Power.HOMING, Power.HOMING_START)
 
 
 class Order(NamedTuple):
@@ -108,6 +114,8 @@ class StreamSettings:
         host_node: Node number that the host's heartbeat carries.
         heartbeat_every: Cycles between two heartbeats of the host.
         policy: What is bridged, and for how long.
+        inputs: Whether each drive's TPDO2 is mapped as the contract has it; others are not read.
+        outputs: Whether each drive's RPDO2 is; others are not written.
         trails: Of the carriages.
         settling: Cycles after the last setpoint within which all carriages have to arrive.
     """
@@ -117,6 +125,8 @@ class StreamSettings:
     host_node: int
     heartbeat_every: int
     policy: Policy
+    inputs: tuple[bool, bool, bool] = (True, True, True)
+    outputs: tuple[bool, bool, bool] = (True, True, True)
     trails: tuple[TrailRule, TrailRule, TrailRule] = (TrailRule(), TrailRule(), TrailRule())
     settling: int = 250
 

@@ -195,7 +195,7 @@ class Streamer:
 
     def _switch(self, power: Power) -> None:
         """Change the goal of the drives' power; what is latched forbids to switch it on."""
-        on = power in (Power.ON, Power.HOMING)
+        on = power is Power.ON or power.homes
         if self._follower is not None:
             self._refuse(Command.POWER, Refusal.BUSY)
             return
@@ -235,7 +235,8 @@ class Streamer:
         for number, track in enumerate(self._tracks, 1):
             for code in track.emergencies:
                 self.tell(Happening.EMERGENCY, axis=number, code=code)
-        watch.see_axes(self._tracks, self._due() if self._enabled else None)
+        due = self._due() if self._enabled else None
+        watch.see_axes(self._tracks, due, self._power.homes)
         for number, trail in enumerate(watch.trails, 1):
             if trail.departure_is_over:
                 self._tell_departure(number, trail)

@@ -182,17 +182,21 @@ class Watch:
         """Whether so many cycles in a row are late that the run must stop."""
         return self.seen.late >= self.policy.late
 
-    def see_axes(self, tracks: tuple[AxisTrack, ...], due: DueSetpoints | None) -> None:
+    def see_axes(
+        self, tracks: tuple[AxisTrack, ...], due: DueSetpoints | None, homing: bool = False
+    ) -> None:
         """Note what the drives said.
 
         Args:
             tracks: Of the drives.
             due: Setpoints that they should have reached; None while they are not enabled.
+            homing: Whether they have been sent to find their reference; a drive without TPDO2 does
+                not say in which mode it is.
         """
         for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
             track.fill(view)
             view.following, view.stays, view.away = 0.0, False, False
-            if track.homing:
+            if homing or track.homing:
                 view.statusword = 0  # bits 12 and 13 mean something else there
             elif due is not None and not track.missing:  # an old position proves nothing
                 self._judge_trail(index, track, due)
