@@ -90,7 +90,7 @@ class Bench:
         self.events: list[EventEntry] = []
         self.sent: list[tuple[int, bytes]] = []
         self.handed_over: dict[int, PreparedSetpoints] = {}
-        self.host_gone = False
+        self.host_gone, self.host_waited = False, 0
         self.reading = True
         self.broken = False
         self.deaf = False

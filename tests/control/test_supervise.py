@@ -70,7 +70,7 @@ def test_each_row_of_the_table_names_the_axis_and_its_reaction(
         ({"astray": 1}, Condition.ASTRAY, Reaction.STOP_ON_PATH),
         ({"unsent": 3}, Condition.UNSENT, Reaction.STOP_ON_PATH),
         ({"late": 3}, Condition.LATE, Reaction.STOP_ON_PATH),
-        ({"host": 500}, Condition.HOST_SILENT, Reaction.STOP_ON_PATH),
+        ({"host": 500}, Condition.HOST_SILENT, Reaction.STOP_AND_DISABLE),
     ],
 )
 def test_what_concerns_all_of_them_has_its_row_too(

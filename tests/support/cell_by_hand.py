@@ -1,4 +1,4 @@
-"""A whole cell in one thread and by a clock that is a counter: streamer, bus, drives with plants."""
+"""A whole cell in one thread, by a clock that is a counter: streamer, bus, drives with plants."""
 
 from __future__ import annotations
 
@@ -45,6 +45,7 @@ class CellByHand:
 
     echoes = False
     host_gone = False
+    host_waited = 0
 
     def __init__(
         self,

@@ -64,7 +64,7 @@ class TrailFit:
         self._ra = keep * self._ra + off * bend
 
     def solve(self) -> tuple[float, float, float]:
-        """Return lag [cycles], bend [cycles^2] and offset [increments]; zeros where nothing came."""
+        """Return lag [cycles], bend [cycles^2], offset [increments]; zeros before the first."""
         n = self._n
         if not n:
             return 0.0, 0.0, 0.0

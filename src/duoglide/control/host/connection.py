@@ -27,7 +27,7 @@ from duoglide.machine import DriveSettings, Machine
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import EventEntry
 
-HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
+HOST_PATIENCE = 1.0  # [s] that the streamer bears a host that does not read
 DEPARTURE = 0.2  # [mm] from which on a setpoint counts as lost
 _LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
 

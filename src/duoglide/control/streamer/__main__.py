@@ -6,6 +6,7 @@ Started by ``control.host.process`` with three inherited descriptors; not for pe
 from __future__ import annotations
 
 import gc
+import glob
 import os
 import signal
 import socket
@@ -78,6 +79,15 @@ class SocketInbox:
     def host_gone(self) -> bool:
         """Whether the host has closed its end, or has left this process an orphan."""
         return self._ended or os.getppid() != self._host
+
+    @property
+    def host_waited(self) -> int:
+        """For how long the host's threads have waited for a processor [ns]; 0 where unknown."""
+        waited = 0
+        for file in glob.glob(f"/proc/{self._host}/task/*/schedstat"):
+            with suppress(OSError, ValueError, IndexError), open(file) as words:
+                waited += int(words.read().split()[1])
+        return waited
 
     def keep(self, prepared: PreparedSetpoints) -> None:
         """Take setpoints over, and let go of the oldest."""

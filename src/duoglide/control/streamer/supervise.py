@@ -58,6 +58,7 @@ class Observation:
         bus_failed: The link is dead, or the controller is bus-off or error-passive.
         host_gone: The host process has ended.
         host: Age of its last sign of life [cycles].
+        host_waits: Whether it is silent because the computer gives it no processor.
         refused: Axis whose setpoint broke a rule, 1 to 3; 0 for none.
         pressed: Quick stop was commanded.
         astray: Axis that has not arrived where a run ends, 1 to 3; 0 for none.
@@ -72,6 +73,7 @@ class Observation:
     bus_failed: bool = False
     host_gone: bool = False
     host: int = 0
+    host_waits: bool = False
     refused: int = 0
     astray: int = 0
     pressed: bool = False
@@ -100,6 +102,8 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.PRESSED, Reaction.QUICK_STOP)
     if seen.bus_failed:
         yield Trip(Condition.BUS, Reaction.QUICK_STOP)
+    if seen.host >= policy.host and not seen.host_waits:
+        yield Trip(Condition.HOST_SILENT, Reaction.STOP_AND_DISABLE)
     if not seen.enabled:
         return
     if seen.foreign:
@@ -112,8 +116,6 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.UNSENT, Reaction.STOP_ON_PATH)
     if seen.moving and seen.late >= policy.late:
         yield Trip(Condition.LATE, Reaction.STOP_ON_PATH)
-    if seen.moving and seen.host >= policy.host:
-        yield Trip(Condition.HOST_SILENT, Reaction.STOP_ON_PATH)
 
 
 def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]:
