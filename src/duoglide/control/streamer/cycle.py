@@ -114,13 +114,14 @@ class Streamer:
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
         self._asked = self._waited = 0  # when the host was silent for a while
         self._departure = Departure()
-        self._closing = False
+        self._closing = self._company = self._silenced = False
         self.done = False
         self.standstill = 0
 
     def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
         """Do one cycle; see ``clock.Cyclic``."""
-        self._wire.begin(number, self._cycle)
+        if self._cycle >= self._settings.quiet and not self._silenced:
+            self._wire.begin(number, self._cycle)
         self._wire.listen(1 + skipped)
         if self._cycle:
             self._record()
@@ -259,6 +260,10 @@ class Streamer:
             self._judge()
         elif seen.host_gone:
             self.done = True
+        elif seen.foreign and not self._company:
+            self._company = True
+            self._silenced = self._cycle <= self._settings.quiet
+            self.tell(Happening.FOREIGN)
         seen.pressed, seen.astray, seen.refused = False, 0, 0
 
     def _host_waits(self) -> bool:
