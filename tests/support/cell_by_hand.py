@@ -142,6 +142,10 @@ class CellByHand:
         return [event for event in self.events if event.kind == kind]
 
     @property
+    def events_of_loss(self) -> list[EventEntry]:
+        return self.happened(Happening.LOST)
+
+    @property
     def completed(self) -> bool:
         return bool(self.happened(Happening.FINISHED))
 

@@ -25,8 +25,8 @@ _HELP = """\
 Check a recorded run against the machine again, and stream it again: the same setpoints.
 
 Raw frames are sent one by one with the timing that they have, when all of them have been read;
-what they ask of the drives is not checked. A bus on which another host is heard is refused. A run that is there already is kept unless --force is
-given.
+what they ask of the drives is not checked. A bus on which another host is heard is refused. A run
+that is there already is kept unless --force is given.
 """
 _EXAMPLE = """\
 Examples:

@@ -68,8 +68,8 @@ class Connection:
     def _require_company_of_none(self) -> None:
         """Refuse a bus on which another host has begun while this one listened.
 
-        To start a streamer takes its time, so that it listens itself before its first SYNC. Two that
-        begin in the same instant hear nobody; so each shows itself by its SYNC, without power, and
+        To start a streamer takes its time, so that it listens itself before its first SYNC. Two
+        that begin in the same instant hear nobody; so each shows itself by its SYNC, without power, and
         listens once more before it writes anything to a drive: one of them, or both, give way.
         """
         try:

@@ -6,13 +6,13 @@ Started by ``control.host.process`` with three inherited descriptors; not for pe
 from __future__ import annotations
 
 import gc
-import glob
 import os
 import signal
 import socket
 import sys
 import threading
 from contextlib import suppress
+from pathlib import Path
 
 from duoglide.control.channel.events import Happening
 from duoglide.control.channel.orders import ORDER, Assignment, Order, pack_object, receive_object
@@ -84,9 +84,9 @@ class SocketInbox:
     def host_waited(self) -> int:
         """For how long the host's threads have waited for a processor [ns]; 0 where unknown."""
         waited = 0
-        for file in glob.glob(f"/proc/{self._host}/task/*/schedstat"):
-            with suppress(OSError, ValueError, IndexError), open(file) as words:
-                waited += int(words.read().split()[1])
+        for file in Path(f"/proc/{self._host}/task").glob("*/schedstat"):
+            with suppress(OSError, ValueError, IndexError):
+                waited += int(file.read_text().split()[1])
         return waited
 
     def keep(self, prepared: PreparedSetpoints) -> None:
