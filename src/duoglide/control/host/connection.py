@@ -69,8 +69,8 @@ class Connection:
         """Refuse a bus on which another host has begun while this one listened.
 
         To start a streamer takes its time, so that it listens itself before its first SYNC. Two
-        that begin in the same instant hear nobody; so each shows itself by its SYNC, without power, and
-        listens once more before it writes anything to a drive: one of them, or both, give way.
+        that begin in the same instant hear nobody; so each shows itself by its SYNC, without power,
+        and listens once more before it writes to a drive: one of them, or both, give way.
         """
         try:
             self.monitor.wait_until(self._has_listened, _LISTENING_PATIENCE)
