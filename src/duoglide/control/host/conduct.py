@@ -58,7 +58,7 @@ class DriveConduct:
                 f"axis {axis}: follows {abs(self.later):.1f} cycles"
                 f" {'later' if self.later > 0.0 else 'earlier'} than drives.lag says (lag"
                 f" {1e3 * self.lag:.3g} ms): setpoints or feedback are delayed, or the drive's lag"
-                " is another; `duoglide commission` learns it"
+                " is another: put it into drives.lag"
             )
         if abs(self.offset) > _TOLD_OFFSET:
             said.append(f"axis {axis}: {self.offset:+.3f} mm off on the average")
