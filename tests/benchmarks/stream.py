@@ -39,7 +39,7 @@ class World:
         self.handed_over: dict[int, PreparedSetpoints] = {}
         self.events: list[EventEntry] = []
         self.cycles = 0
-        self.host_gone = False
+        self.host_gone, self.host_waited = False, 0
         self.signs_of_life = 0
 
     def send(self, frames: Sequence[tuple[int, bytes]]) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from straight import Straight
 
 import duoglide as dg
 from duoglide.control.channel.events import Condition, Happening
@@ -21,32 +21,10 @@ from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
 from duoglide.drives.simulation.firmware.axis import FirmwareAxis
 from duoglide.errors import BusError
-from duoglide.motion.path.actions import Action
-from duoglide.motion.stop_bounds import StopBounds
 from duoglide.storage.records import Phase
 
 CYCLE = 2_000_000  # ns
 TICK = 100  # us
-
-
-@dataclass
-class Straight:
-    """A trajectory of three carriages side by side: a cosine ramp, 200 mm in a second."""
-
-    machine: dg.Machine
-    start: np.ndarray
-    length: float = 200.0
-    duration: float = 1.0
-    actions: tuple[tuple[float, Action], ...] = ()
-
-    @property
-    def stops(self) -> StopBounds:
-        return StopBounds.constant(self.duration, 20.0, 2000.0)
-
-    def at(self, t: Any) -> Any:
-        u = np.clip(np.asarray(t, dtype=float) / self.duration, 0.0, 1.0)
-        way = self.length * (u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi))
-        return SimpleNamespace(carriages=self.start + way[..., None])
 
 
 @dataclass
@@ -90,7 +68,7 @@ class Bench:
         self.events: list[EventEntry] = []
         self.sent: list[tuple[int, bytes]] = []
         self.handed_over: dict[int, PreparedSetpoints] = {}
-        self.host_gone = False
+        self.host_gone, self.host_waited = False, 0
         self.reading = True
         self.broken = False
         self.deaf = False

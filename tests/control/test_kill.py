@@ -175,7 +175,7 @@ def test_a_stopped_streamer_falls_silent_and_does_not_resume_by_itself(scene: Sc
 def test_a_stopped_host_is_noticed_and_the_machine_comes_to_rest(scene: Scene) -> None:
     os.kill(scene.host.pid, signal.SIGSTOP)
     try:
-        scene.watch_until({State.OPERATION_ENABLED})
+        scene.watch_until({State.SWITCH_ON_DISABLED})
         assert scene.least_clearance() > 0.0
     finally:
         os.kill(scene.host.pid, signal.SIGCONT)

@@ -9,7 +9,6 @@ import duoglide as dg
 from duoglide.control.channel.events import Condition, Happening, Reaction, Refusal, Trip
 from duoglide.control.channel.orders import Command
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.channel.scale import Scales
 from duoglide.control.host.happenings import describe_event
 from duoglide.control.host.report import Lateness, RunReport, Tally, require_success
 from duoglide.storage.records import EventKind
@@ -34,7 +33,7 @@ def tally() -> Tally:
 
 
 def report(tally: Tally) -> RunReport:
-    return tally.report(Scales.of(dg.Machine.default().drives), NONE, 0, None)
+    return tally.report(dg.Machine.default().drives, NONE, 0, None)
 
 
 def test_a_report_counts_what_was_streamed(tally: Tally) -> None:

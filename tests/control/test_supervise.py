@@ -39,6 +39,7 @@ def test_nothing_follows_when_all_is_well() -> None:
         ({"state": State.SWITCHED_ON}, Condition.NOT_ENABLED, Reaction.QUICK_STOP),
         ({"statusword": 0x3237}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
         ({"following": 1001}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
+        ({"away": True}, Condition.LOST, Reaction.STOP_ON_PATH),
         ({"stays": True}, Condition.LASTING, Reaction.STOP_ON_PATH),
         ({"statusword": 0x0237}, Condition.NOT_FOLLOWING, Reaction.QUICK_STOP),
         ({"limited": 3}, Condition.LIMIT, Reaction.STOP_ON_PATH),
@@ -69,7 +70,7 @@ def test_each_row_of_the_table_names_the_axis_and_its_reaction(
         ({"astray": 1}, Condition.ASTRAY, Reaction.STOP_ON_PATH),
         ({"unsent": 3}, Condition.UNSENT, Reaction.STOP_ON_PATH),
         ({"late": 3}, Condition.LATE, Reaction.STOP_ON_PATH),
-        ({"host": 500}, Condition.HOST_SILENT, Reaction.STOP_ON_PATH),
+        ({"host": 500}, Condition.HOST_SILENT, Reaction.STOP_AND_DISABLE),
     ],
 )
 def test_what_concerns_all_of_them_has_its_row_too(

@@ -82,6 +82,7 @@ def run_facts(report: RunReport) -> list[tuple[str, str]]:
             f"; {report.skipped} cycles left out",
         ),
         ("following error", f"worst {triple(report.following_error, 3)} mm"),
-        ("feedback late or lost", f"{report.lost} frames"),
+        ("late or lost", f"{report.lost} frames"),
     ]
+    rows += [("remark", remark) for remark in report.remarks]
     return rows + [("fault", trip.words) for trip in report.faults]

@@ -116,6 +116,11 @@ def listen(name: str, settings: DriveSettings) -> Overheard:
     return ear.heard()
 
 
+def quiet_time(settings: DriveSettings) -> float:
+    """Return for how long no host may be heard on a bus that has none [s]."""
+    return max(2.0 * settings.heartbeat_period, 5.0 * settings.cycle)
+
+
 def require_alone(name: str, settings: DriveSettings) -> None:
     """Listen until no other host has been heard for two periods of its heartbeat.
 
@@ -129,7 +134,7 @@ def require_alone(name: str, settings: DriveSettings) -> None:
     import can
 
     signs = _list_signs_of_a_host(settings)
-    quiet = max(2.0 * settings.heartbeat_period, 5.0 * settings.cycle)
+    quiet = quiet_time(settings)
     with open_bus(name, settings.bit_rate) as bus:
         try:
             begin = last = time.monotonic()

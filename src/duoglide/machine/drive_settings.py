@@ -77,8 +77,8 @@ class DriveSettings:
     )
     lag: tuple[float, float, float] = setting(
         (7e-5, 7e-5, 7e-5),
-        "by how much a carriage trails its setpoint at constant speed, one value or three; "
-        "`duoglide commission` learns it. The defaults are those of the simulated drives",
+        "by how much a carriage trails its setpoint at constant speed, one value or three; the "
+        "report of a run says what it was. The defaults are those of the simulated drives",
         "s",
     )
     acceleration_lag: tuple[float, float, float] = setting(

@@ -25,8 +25,8 @@ _HELP = """\
 Check a recorded run against the machine again, and stream it again: the same setpoints.
 
 Raw frames are sent one by one with the timing that they have, when all of them have been read;
-what they ask of the drives is not checked. A run that is there already is kept unless --force is
-given.
+what they ask of the drives is not checked. A bus on which another host is heard is refused. A run
+that is there already is kept unless --force is given.
 """
 _EXAMPLE = """\
 Examples:
@@ -108,10 +108,14 @@ def _play(file: Path, bus: str, channel: str | None, as_json: bool) -> None:
     if bus == "virtual":
         raise InputError("raw frames need a bus that others are on: --bus socketcan:IFACE or such")
     from duoglide.drives.buses import open_bus
+    from duoglide.drives.listen import require_alone
+    from duoglide.machine import DriveSettings
     from duoglide.playback.can_log import play, read_frames
 
     with working("reading frames"):
         frames = read_frames(file, channel)
+    with working("listening"):
+        require_alone(bus, DriveSettings())  # a SYNC is one whatever the machine
     with working("sending frames"), open_bus(bus) as opened:
         count = play(frames, opened)
     if as_json:

@@ -25,6 +25,7 @@ class Happening(IntEnum):
     INPUT = 12  # a wait has ended [axis, detail: bit, value: seconds waited]
     INPUT_TIMEOUT = 13  # [axis, detail: bit, value: seconds waited]
     LATE = 14  # cycles were skipped [value: how many]
+    FOREIGN = 16  # another host is on the bus, while this one has no power yet
     LOST = 15  # setpoints did not act [axis, code: how many; value: how far off at worst, mm]
 
 
@@ -97,6 +98,7 @@ class Condition(Enum):
     PRESSED = "quick stop was commanded"
     FOREIGN = "another host commands the drives"
     LASTING = "carriage stays away from where its setpoints lead"
+    LOST = "setpoints do not act, or something holds the carriage"
     ASTRAY = "carriage has not arrived at the last setpoint"
 
     @property

@@ -117,6 +117,8 @@ class StreamSettings:
         inputs: Whether each drive's TPDO2 is mapped as the contract has it; others are not read.
         outputs: Whether each drive's RPDO2 is; others are not written.
         trails: Of the carriages.
+        quiet: Cycles at first in which only the bus is listened to; it stays so if another host is
+            heard in them.
         settling: Cycles after the last setpoint within which all carriages have to arrive.
     """
 
@@ -129,6 +131,7 @@ class StreamSettings:
     outputs: tuple[bool, bool, bool] = (True, True, True)
     trails: tuple[TrailRule, TrailRule, TrailRule] = (TrailRule(), TrailRule(), TrailRule())
     settling: int = 250
+    quiet: int = 0
 
     def allow_standstill(self, seconds: float) -> Policy:
         """Return the policy for drives that stand still with this computer, for so long.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
@@ -16,7 +17,7 @@ from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
 from duoglide.drives.bus_load import require_bus_load
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
-from duoglide.drives.listen import require_alone
+from duoglide.drives.listen import quiet_time, require_alone
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
 from duoglide.drives.scale import Scale
 from duoglide.drives.simulated import SimulatedDrives
@@ -27,7 +28,8 @@ from duoglide.machine import DriveSettings, Machine
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import EventEntry
 
-HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
+HOST_PATIENCE = 1.0  # [s] that the streamer bears a host that does not read
+_LISTENING_PATIENCE = 10.0  # [s] for a busy computer to do a tenth of a second of cycles
 DEPARTURE = 0.2  # [mm] from which on a setpoint counts as lost
 _LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
 
@@ -60,10 +62,41 @@ class Connection:
             require_alone(bus, machine.drives)
         self.bus = bus
         self._start_stream()
+        if self.simulated is None:
+            self._require_company_of_none()
+
+    def _require_company_of_none(self) -> None:
+        """Refuse a bus on which another host has begun while this one listened.
+
+        To start a streamer takes its time, so that it listens itself before its first SYNC. Two
+        that begin in the same instant hear nobody; so each shows itself by its SYNC, without power,
+        and listens once more before it writes to a drive: one of them, or both, give way.
+        """
+        try:
+            self.monitor.wait_until(self._has_listened, _LISTENING_PATIENCE)
+            if self._has_company():
+                raise BusError(
+                    f"bus {self.bus}: another host has begun at the same time. Two would pull at"
+                    " the same carriages: end the other one, or begin again once it has given way"
+                )
+        except BaseException:
+            self.close()
+            raise
+
+    def _has_listened(self) -> bool:
+        latest = self.monitor.latest
+        return self._has_company() or (latest is not None and latest.cycle > 2 * self._quiet)
+
+    def _has_company(self) -> bool:
+        return self.monitor.find(lambda event: event.kind == Happening.FOREIGN, 0) is not None
 
     def _start_stream(self) -> None:
         drives = self._machine.drives
-        assignment = Assignment(self.bus, drives.bit_rate, describe_stream(self._machine))
+        settings = describe_stream(self._machine)
+        if self.simulated is None:
+            settings = replace(settings, quiet=math.ceil(quiet_time(drives) / drives.cycle))
+        self._quiet = settings.quiet
+        assignment = Assignment(self.bus, drives.bit_rate, settings)
         try:
             self.process = StreamerProcess(assignment)
         except BaseException:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from duoglide.control.channel.events import Happening, RunState
 from duoglide.control.channel.orders import Command
+from duoglide.control.channel.scale import Scales
 from duoglide.control.host.happenings import describe_event
 from duoglide.control.host.interrupt import endings_interrupt, undisturbed
 from duoglide.control.host.report import RunReport, Tally, require_success
@@ -18,12 +19,13 @@ from duoglide.motion.path_clock import require_override
 
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import CycleEntry, EventEntry
-    from duoglide.control.channel.scale import Scales, Triple
+    from duoglide.control.channel.scale import Triple
     from duoglide.control.channel.setpoints import PreparedSetpoints
     from duoglide.control.host.fitness import LimitUse
     from duoglide.control.host.monitor import Monitor
     from duoglide.control.host.process import StreamerProcess
     from duoglide.control.host.run_log import RunLog
+    from duoglide.machine import DriveSettings
 
 _SETTLING_CYCLES = 10  # recorded after the end, so that the log shows the carriages arrive
 _SETTLING_PATIENCE = 2.0  # [s]
@@ -62,14 +64,14 @@ class RunPlan:
         approach: What gets it to the start; None where it is there.
         prepared: What it runs.
         override: Rate to begin with.
-        scales: Of the drives.
+        drives: Of the machine.
         limit_use: Of the trajectory, for the report.
     """
 
     approach: PreparedSetpoints | None
     prepared: PreparedSetpoints
     override: float
-    scales: Scales
+    drives: DriveSettings
     limit_use: LimitUse
 
 
@@ -211,7 +213,7 @@ class RunHandle:
         entry = self._monitor.latest
         if entry is None:
             raise BusError("the streamer has not reported a cycle yet")
-        scales = self._plan.scales
+        scales = Scales.of(self._plan.drives)
         return RunStatus(
             state=RunState(entry.state),
             path_time=entry.path_time,
@@ -258,7 +260,7 @@ class RunHandle:
         dropped = self._process.ring.dropped
         path = self._log.path if self._log else None
         plan = self._plan
-        self._report = self._tally.report(plan.scales, plan.limit_use, dropped, path)
+        self._report = self._tally.report(plan.drives, plan.limit_use, dropped, path)
         with self._resources:  # a log that cannot take the report is closed all the same
             if self._log is not None:
                 self._log.add_report(self._report)

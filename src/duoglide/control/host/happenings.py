@@ -108,5 +108,6 @@ _WRITERS: dict[Happening, Callable[[EventEntry], tuple[EventKind, str]]] = {
         EventKind.LOST,
         f"axis {e.axis}: {e.code} setpoints did not act: {e.value:.3f} mm off where they lead",
     ),
+    Happening.FOREIGN: lambda e: (EventKind.BUS, "another host is on the bus"),
     Happening.LATE: lambda e: (EventKind.LATE, f"{e.value:.0f} cycles skipped to the schedule"),
 }

@@ -12,6 +12,8 @@ import numpy as np
 from duoglide.arrays import AXES
 from duoglide.control.channel.events import Condition, Happening, Reaction, Trip
 from duoglide.control.channel.ring import CycleEntry, EventEntry
+from duoglide.control.channel.scale import Scales
+from duoglide.control.host.conduct import ConductTally, DriveConduct
 from duoglide.control.host.happenings import describe_event, describe_stop
 from duoglide.control.host.history import History, HistoryTally
 from duoglide.errors import BusError, DriveError, DriveFault, DriveTimeout, FollowingError
@@ -20,8 +22,9 @@ from duoglide.storage.records import EventKind, EventRecord, Phase
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from duoglide.control.channel.scale import Scales, Triple
+    from duoglide.control.channel.scale import Triple
     from duoglide.control.host.fitness import LimitUse
+    from duoglide.machine import DriveSettings
 
 _MARKED = (EventKind.FAULT, EventKind.EMERGENCY, EventKind.TIMEOUT, EventKind.QUICK_STOP)
 _FOLLOWING = 0x8611  # emergency code: following error too large
@@ -65,14 +68,16 @@ class RunReport:
     """What a run was like.
 
     Attributes:
-        completed: Whether it came to the end of its trajectory.
+        completed: Whether it came to the end of its trajectory, and all carriages came there within
+            ``drives.settling_time``.
         cycles: Cycles streamed, approach and stop included.
         duration: From its first cycle to its last [s].
         path_time: How far it came along the trajectory, or along the approach where it ended there
             [s].
         lateness: Of its cycles.
         skipped: Cycles left out because the one before was late.
-        lost: Feedback frames that did not come.
+        lost: Frames that were lost: feedback that did not come, and setpoints that did not act, as
+            far as it shows in where the carriages were (``drives``).
         following_error: Worst distance of each carriage from its setpoint, each compared with the
             setpoint that was due [mm].
         limit_use: Worst use of each carriage's velocity, acceleration and jerk limit by the
@@ -83,6 +88,8 @@ class RunReport:
         log: Where the log is; None if none was asked for.
         history: How following error and lateness went.
         approaching: Whether it ended on its way to the start.
+        drives: How each of them followed its setpoints.
+        remarks: What about that is not as it should be, in words.
     """
 
     completed: bool
@@ -100,6 +107,8 @@ class RunReport:
     log: Path | None = None
     history: History = field(default_factory=History, compare=False)
     approaching: bool = False
+    drives: tuple[DriveConduct, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def ending(self) -> str:
@@ -133,7 +142,8 @@ class RunReport:
                 "lateness",
                 f"median {late.median:.0f} µs, 99 % {late.p99:.0f} µs, worst {late.worst:.0f} µs",
             ),
-            ("feedback late or lost", f"{self.lost} frames"),
+            ("late or lost", f"{self.lost} frames"),
+            *(("remark", remark) for remark in self.remarks),
             *(("fault", trip.words) for trip in self.faults),
             ("log", str(self.log) if self.log is not None else "none"),
         ]
@@ -177,6 +187,8 @@ class RunReport:
             "following_error": list(self.following_error),
             "limit_use": [list(row) for row in self.limit_use],
             "faults": [trip.words for trip in self.faults],
+            "drives": [drive.to_dict() for drive in self.drives],
+            "remarks": list(self.remarks),
             "dropped": self.dropped,
         }
 
@@ -202,6 +214,7 @@ class Tally:
     faults: list[Trip] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
     history: HistoryTally = field(default_factory=HistoryTally)
+    conduct: ConductTally = field(default_factory=ConductTally)
 
     def add_cycle(self, entry: CycleEntry) -> None:
         """Count a cycle."""
@@ -210,6 +223,7 @@ class Tally:
         self.lost += entry.missing.bit_count()
         self.first = self.first or entry.time
         self.last = entry.time
+        self.conduct.add(entry)
         self.history.add(entry.time, entry.following, entry.lateness)
         for axis, error in enumerate(entry.following):
             self.worst[axis] = max(self.worst[axis], abs(error))
@@ -221,6 +235,9 @@ class Tally:
         self.events.append(TimedEvent(event.time * 1e-9, describe_event(event)))
         if event.kind == Happening.TRIP:
             self.faults.append(Trip.from_event(event))
+        elif event.kind == Happening.LOST:
+            self.lost += event.code
+            self.conduct.lose(event.axis, event.code)
         elif event.kind == Happening.STARTED:
             self.number, self.path_time = int(event.value), 0.0
             self.approaching = event.detail == Phase.APPROACH
@@ -229,12 +246,19 @@ class Tally:
 
     def report(
         self,
-        scales: Scales,
+        drives: DriveSettings,
         limit_use: LimitUse,
         dropped: int,
         log: Path | None,
     ) -> RunReport:
         """Sum up."""
+        scales = Scales.of(drives)
+        conduct = self.conduct.conduct(scales.mm((1, 1, 1)), drives.lag, drives.cycle)
+        remarks = (
+            text
+            for axis, drive in enumerate(conduct, start=1)
+            for text in drive.remarks(axis, drives.cycle)
+        )
         first, second, third = scales.mm((self.worst[0], self.worst[1], self.worst[2]))
         return RunReport(
             completed=self.completed,
@@ -252,6 +276,8 @@ class Tally:
             log=log,
             history=self.history.history(np.abs(scales.mm((1, 1, 1)))),
             approaching=self.approaching,
+            drives=conduct,
+            remarks=tuple(remarks),
         )
 
 

@@ -262,7 +262,7 @@ class Robot:
         fence = Fence.of(self.machine)
         first = self._load(way, fence, Phase.APPROACH) if way is not None else None
         prepared = self._load(trajectory, fence, Phase.PROGRAM)
-        return self._begin(RunPlan(first, prepared, override, self._drives.scales, use), run_log)
+        return self._begin(RunPlan(first, prepared, override, self.machine.drives, use), run_log)
 
     def _require_ready(self) -> None:
         """Refuse to move what is not ready for it, and end what is over."""
@@ -349,7 +349,7 @@ class Robot:
         held = self._drives.held
         prepared = self._load(way, Fence.of(self.machine).extend_to(held), Phase.PROGRAM)
         use = measure_limit_use(way, self.machine)
-        plan = RunPlan(None, prepared, 1.0, self._drives.scales, use)
+        plan = RunPlan(None, prepared, 1.0, self.machine.drives, use)
         return wait_to_the_end(self._begin(plan, None))
 
     # Inside

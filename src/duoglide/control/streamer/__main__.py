@@ -12,6 +12,7 @@ import socket
 import sys
 import threading
 from contextlib import suppress
+from pathlib import Path
 
 from duoglide.control.channel.events import Happening
 from duoglide.control.channel.orders import ORDER, Assignment, Order, pack_object, receive_object
@@ -78,6 +79,15 @@ class SocketInbox:
     def host_gone(self) -> bool:
         """Whether the host has closed its end, or has left this process an orphan."""
         return self._ended or os.getppid() != self._host
+
+    @property
+    def host_waited(self) -> int:
+        """For how long the host's threads have waited for a processor [ns]; 0 where unknown."""
+        waited = 0
+        for file in Path(f"/proc/{self._host}/task").glob("*/schedstat"):
+            with suppress(OSError, ValueError, IndexError):
+                waited += int(file.read_text().split()[1])
+        return waited
 
     def keep(self, prepared: PreparedSetpoints) -> None:
         """Take setpoints over, and let go of the oldest."""

@@ -28,8 +28,11 @@ if TYPE_CHECKING:
 
 SETPOINT_DELAY = 2  # cycles from the SYNC that a setpoint follows to the SYNC when it is reached
 DRIVES_BRIDGE = 1  # cycle without a setpoint, at the velocity of the one before; then they stop
-_REMEMBERED = SETPOINT_DELAY + 2  # setpoints: the ones due at an answered SYNC and beside it
-_DUE = 1  # which of them was due at it
+_REMEMBERED = 6  # setpoints: those due at an answered SYNC, one cycle later, and earlier
+_DUE = -SETPOINT_DELAY - 1  # which of them was due at it
+_ASK_EVERY = 16  # cycles between two looks at how long a silent host has waited
+_WAITING = 0.25  # share of its silence that makes the computer the reason for it
+_BUSY_PATIENCE = 5  # times the ordinary patience, for a host that waits for a processor
 _ZEROS: IntTriple = (0, 0, 0)
 _INFINITE = float("inf")
 _LEAST, _MOST = -(1 << 31), (1 << 31) - 1  # what a record has room for
@@ -54,6 +57,11 @@ class Inbox(Protocol):
     @property
     def host_gone(self) -> bool:
         """Whether the host process has ended."""
+        ...
+
+    @property
+    def host_waited(self) -> int:
+        """For how long its threads have been ready to run and were not let, in all [ns]."""
         ...
 
 
@@ -104,14 +112,16 @@ class Streamer:
         self._actions = PathActions(self._wire, self.tell)
         self._power, self._enabled = Power.SILENT, False
         self._cycle = self._time = self._lateness = self._skipped = self._run = 0
+        self._asked = self._waited = 0  # when the host was silent for a while
         self._departure = Departure()
-        self._closing = False
+        self._closing = self._company = self._silenced = False
         self.done = False
         self.standstill = 0
 
     def cycle(self, number: int, time: int, lateness: int, skipped: int) -> None:
         """Do one cycle; see ``clock.Cyclic``."""
-        self._wire.begin(number, self._cycle)
+        if self._cycle >= self._settings.quiet and not self._silenced:
+            self._wire.begin(number, self._cycle)
         self._wire.listen(1 + skipped)
         if self._cycle:
             self._record()
@@ -241,6 +251,7 @@ class Streamer:
             if trail.departure_is_over:
                 self._tell_departure(number, trail)
         watch.see_time(self._skipped, self._outbox.signs_of_life)
+        seen.host_waits = self._host_waits()
         seen.moving = self._follower is not None
         seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign
         self.done = self._closing and self._power is Power.OFF
@@ -249,7 +260,31 @@ class Streamer:
             self._judge()
         elif seen.host_gone:
             self.done = True
+        elif seen.foreign and not self._company:
+            self._company = True
+            self._silenced = self._cycle <= self._settings.quiet
+            self.tell(Happening.FOREIGN)
         seen.pressed, seen.astray, seen.refused = False, 0, 0
+
+    def _host_waits(self) -> bool:
+        """Whether a silent host would speak if a busy computer let it; for so long, and no longer.
+
+        The kernel says how long threads have waited for a processor. That costs a look into files,
+        so it is asked for half of the host's patience at the earliest, and now and then.
+        """
+        seen, limit = self._watch.seen, self._watch.policy.host
+        if seen.host < limit // 2:
+            self._asked = 0
+            return False
+        if not self._asked:
+            self._asked, self._waited = seen.host, self._inbox.host_waited
+        silent = seen.host - self._asked
+        if seen.host < limit or self._watch.reaction is not Reaction.NONE or not silent:
+            return False
+        if seen.host_waits and silent % _ASK_EVERY:
+            return True
+        share = (self._inbox.host_waited - self._waited) / (silent * self._settings.cycle)
+        return share > _WAITING and seen.host < _BUSY_PATIENCE * limit
 
     def _due(self) -> DueSetpoints:
         """Return the setpoints that the newest feedback is compared with."""
@@ -259,8 +294,7 @@ class Streamer:
             self._unsteady -= 1
         else:
             self._unsure = 0
-        before, here, after, _ = self._sent
-        return DueSetpoints(before, here, after, self._margins[_DUE], self._unsure)
+        return DueSetpoints(tuple(self._sent)[:-1], self._margins[_DUE], self._unsure)
 
     def _tell_departure(self, number: int, trail: AxisTrail) -> None:
         """Tell that a carriage has not been where its setpoints lead, for some cycles."""
@@ -310,6 +344,8 @@ class Streamer:
         self._stand()
         if self._watch.seen.host_gone:
             self._leave()
+        elif self._watch.reaction is Reaction.STOP_AND_DISABLE:  # silent; it may speak again
+            self._power, self._enabled = Power.OFF, False
 
     def _advance(self, follower: Follower) -> None:
         """Take the run's next setpoint.
@@ -341,7 +377,8 @@ class Streamer:
         astray = self._watch.farthest_from(self._setpoint)
         if stands and not astray:
             self._settling = 0
-            self._end_run(Happening.FINISHED)
+            stopped = self._watch.reaction is not Reaction.NONE  # too late to stop before the end
+            self._end_run(Happening.STOPPED if stopped else Happening.FINISHED)
             return
         self._rate, self._phase = 0.0, Phase.HOLD
         self._settling += 1 + self._skipped

@@ -34,16 +34,13 @@ class DueSetpoints(NamedTuple):
     """What the drives should have reached at the SYNC that their feedback answers.
 
     Attributes:
-        before: Setpoint that was due one cycle earlier [increments].
-        here: Setpoint that was due at it.
-        after: Setpoint that is due one cycle later.
+        setpoints: In the order in which they were due; the last but one was due at that SYNC, the
+            last is due one cycle later [increments].
         margin: Distance that the plan leaves a carriage there [mm]; inf where no plan says.
         unsure: By how many cycles they may be others, because cycles were skipped just now.
     """
 
-    before: IntTriple
-    here: IntTriple
-    after: IntTriple
+    setpoints: Sequence[IntTriple]
     margin: float
     unsure: int
 
@@ -61,6 +58,7 @@ class Observation:
         bus_failed: The link is dead, or the controller is bus-off or error-passive.
         host_gone: The host process has ended.
         host: Age of its last sign of life [cycles].
+        host_waits: Whether it is silent because the computer gives it no processor.
         refused: Axis whose setpoint broke a rule, 1 to 3; 0 for none.
         pressed: Quick stop was commanded.
         astray: Axis that has not arrived where a run ends, 1 to 3; 0 for none.
@@ -75,6 +73,7 @@ class Observation:
     bus_failed: bool = False
     host_gone: bool = False
     host: int = 0
+    host_waits: bool = False
     refused: int = 0
     astray: int = 0
     pressed: bool = False
@@ -103,6 +102,8 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.PRESSED, Reaction.QUICK_STOP)
     if seen.bus_failed:
         yield Trip(Condition.BUS, Reaction.QUICK_STOP)
+    if seen.host >= policy.host and not seen.host_waits:
+        yield Trip(Condition.HOST_SILENT, Reaction.STOP_AND_DISABLE)
     if not seen.enabled:
         return
     if seen.foreign:
@@ -115,8 +116,6 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.UNSENT, Reaction.STOP_ON_PATH)
     if seen.moving and seen.late >= policy.late:
         yield Trip(Condition.LATE, Reaction.STOP_ON_PATH)
-    if seen.moving and seen.host >= policy.host:
-        yield Trip(Condition.HOST_SILENT, Reaction.STOP_ON_PATH)
 
 
 def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]:
@@ -135,6 +134,8 @@ def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]
         return
     if axis.statusword & _FOLLOWING_ERROR or axis.following > axis.allowed:
         yield Trip(Condition.FOLLOWING_ERROR, stop, number)
+    if axis.away:
+        yield Trip(Condition.LOST, stop, number)
     if axis.stays:
         yield Trip(Condition.LASTING, stop, number)
     if axis.limited >= policy.missing:  # for less, it caught up with setpoints that were lost
@@ -196,7 +197,7 @@ class Watch:
         """
         for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
             track.fill(view)
-            view.following, view.stays = 0.0, False
+            view.following, view.stays, view.away = 0.0, False, False
             if homing or track.homing:
                 view.statusword = 0  # bits 12 and 13 mean something else there
             elif due is not None and not track.missing:  # an old position proves nothing
@@ -207,15 +208,10 @@ class Watch:
         view, trail = self.seen.axes[index], self.trails[index]
         # after a gap the answer may be to an earlier SYNC, for a while
         unsure = due.unsure if track.settled else max(due.unsure, _UNSURE + track.gap)
-        trail.see(
-            track.actual,
-            due.before[index],
-            due.here[index],
-            due.after[index],
-            due.margin / trail.rule.mm,
-            unsure,
-        )
-        view.following, view.allowed, view.stays = trail.off, trail.allowed, trail.stays
+        row = [setpoint[index] for setpoint in due.setpoints]
+        trail.see(track.actual, row, due.margin / trail.rule.mm, unsure)
+        view.following, view.allowed = trail.off, trail.allowed
+        view.stays, view.away = trail.stays, trail.breaks_away
 
     def farthest_from(self, goal: IntTriple) -> int:
         """Return the axis that is too far from the end of a run, 1 to 3; 0 where all are there."""

@@ -28,6 +28,7 @@ class AxisView:
     following: float = 0.0  # from where the drive's model expects it [increments] ...
     allowed: float = float("inf")  # ... and how much that may be
     stays: bool = False  # that the average of it is too much
+    away: bool = False  # that it gets away from its setpoints
     missing: int = 0
     alone: int = 0  # of those missing, while another drive answered
     heartbeat: int = 0

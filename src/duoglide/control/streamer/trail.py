@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 from duoglide.drives.trailing import TrailFit, bend_of, step_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from duoglide.control.channel.orders import TrailRule
 
 _CURVE = 5.0  # cycles^2 of acceleration by which a drive may trail that is not known well
@@ -20,6 +22,10 @@ _LASTING = 50.0  # cycles over which an offset is averaged
 _ENOUGH = 30  # cycles that have been averaged before an offset counts
 _MEMORY = 2000.0  # cycles in motion that the lag is learned from
 _LEARN = 4  # cycles between two looks at what has been learned
+_MOST_LAG = 0.25  # cycles of lag that are taken as a drive's own without being told ...
+_MOST_BEND = 20.0  # ... and cycles^2; more is for ``drives.lag`` to say
+_MORE = 3.0  # times the usual distance, from which on it is a departure
+_BRIDGED = 2  # cycles in a row in which a carriage gets away
 _CALM = 10  # cycles without a departure, after which it is over
 _LONGEST = 100  # cycles after which a departure is told although it goes on
 
@@ -39,7 +45,8 @@ class AxisTrail:
     """
 
     __slots__ = (
-        "_bend", "_calm", "_cycles", "_departure", "_fit", "_lag", "_last", "_mean", 
+        "_bend", "_calm", "_cycles", "_fit", "_lag", "_last", "_mean", "_row", "_usual",
+
         "allowed", "departed", "off", "rule", "worst",
     )  # fmt: skip
 
@@ -51,8 +58,8 @@ class AxisTrail:
 
     def reset(self) -> None:
         """Begin anew where the power comes on; what was learned of the drive stays."""
-        self._mean = self._last = 0.0
-        self._cycles = self._calm = 0
+        self._mean = self._last = self._usual = 0.0
+        self._cycles = self._calm = self._row = 0
         self.off = self.allowed = self.worst = 0.0
         self.departed = 0
 
@@ -61,46 +68,83 @@ class AxisTrail:
         """Whether a distance lasts that is more than it may be."""
         return self._cycles > _ENOUGH and abs(self._mean) > self.rule.lasting
 
-    def see(
-        self, actual: int, before: int, due: int, after: int, margin: float, unsure: float
-    ) -> None:
+    def see(self, actual: int, due: Sequence[int], margin: float, unsure: float) -> None:
         """Take a cycle with feedback.
 
         Args:
             actual: Position at a SYNC [increments].
-            before: Setpoint that was due one cycle earlier.
-            due: Setpoint that was due at this SYNC.
-            after: Setpoint that is due one cycle later.
+            due: Setpoints in the order in which they were due; the last but one was due at this
+                SYNC, the last is due one cycle later.
             margin: What the plan has left there for a carriage [increments].
             unsure: By how many cycles more or less the feedback may be of another SYNC, because
                 frames or cycles were lost just now; 0 where it is sure.
         """
         rule = self.rule
-        step, bend = step_of(before, after), bend_of(before, due, after)
-        off = actual - due + rule.lag * step + rule.bend * bend
+        before, here, after = due[-3:]
+        step, bend = step_of(before, after), bend_of(before, here, after)
+        off = actual - here + rule.lag * step + rule.bend * bend
         self.off = abs(off)
         grown = max(rule.at_rest, rule.growth * abs(step)) + _CURVE * abs(bend)
         self.allowed = min(grown, rule.window, margin)
         if unsure:
-            self.allowed += unsure * max(abs(after - due), abs(due - before))
+            self.allowed += unsure * max(abs(after - here), abs(here - before))
+            self._row = 0
             return
         left = off + self._lag * step + self._bend * bend
+        late = abs(left) > rule.departure and not self._row and self._is_late(actual, due)
+        if late:
+            left = 0.0
+        self._usual += (abs(left) - self._usual) / _LASTING
         self._mean += (left - self._mean) / _LASTING
         self._cycles += 1
-        self._watch_departure(abs(left))
-        if step or bend:
-            self._fit.add(off, step, bend)
-            if not self._cycles % _LEARN:
-                self._lag, self._bend, _ = self._fit.solve()
+        self._watch_departure(left)
+        if (step or bend) and not late:
+            self._learn(off, step, bend)
+
+    @property
+    def _threshold(self) -> float:
+        """What counts as a departure: more than is usual with this drive [increments]."""
+        return max(self.rule.departure, _MORE * self._usual)
+
+    def _is_late(self, actual: int, due: Sequence[int]) -> bool:
+        """Whether all is as it should be, but by whole cycles later.
+
+        That is a delay of the bus or of the drive, which the report names; it is no loss. One that
+        begins in motion passes through other places, and is a departure like any other.
+        """
+        lag, bend = self.rule.lag, self.rule.bend
+        for cycles in range(1, len(due) - 2):
+            before, here, after = due[-3 - cycles : len(due) - cycles]
+            expected = here - lag * step_of(before, after) - bend * bend_of(before, here, after)
+            if abs(actual - expected) <= self._threshold:
+                return True
+        return False
+
+    def _learn(self, off: float, step: float, bend: float) -> None:
+        """Take in how the drive trails, beyond what is known of it, within what is usual."""
+        self._fit.add(off, step, bend)
+        if not self._cycles % _LEARN:
+            lag, bend, _ = self._fit.solve()
+            self._lag = min(max(lag, -_MOST_LAG), _MOST_LAG)
+            self._bend = min(max(bend, -_MOST_BEND), _MOST_BEND)
 
     def _watch_departure(self, left: float) -> None:
         """Count cycles in which the carriage gets away from where it was expected."""
-        if left > self.rule.departure:
-            self.departed += left >= self._last  # what swings back is no other loss
-            self.worst, self._calm = max(self.worst, left), 0
+        distance = abs(left)
+        if distance > self._threshold:
+            if distance >= abs(self._last):  # what swings back is no other loss
+                self.departed += 1
+                self._row += 1
+            self.worst, self._calm = max(self.worst, distance), 0
         else:
             self._calm += 1
+            self._row = 0
         self._last = left
+
+    @property
+    def breaks_away(self) -> bool:
+        """Whether the carriage is getting away from its setpoints, too far to be bridged."""
+        return self._row >= _BRIDGED and abs(self._last) > self.rule.lasting
 
     @property
     def departure_is_over(self) -> bool:

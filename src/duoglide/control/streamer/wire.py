@@ -42,6 +42,9 @@ class Wire:
         self.tracks = tuple(AxisTrack() for _ in settings.node_ids)
         ours = () if link.echoes else (pdo.SYNC, beat[0], *self._setpoint_ids)
         self._handlers = dict.fromkeys(ours, self._notice_foreigner)
+        self._echoes_due = 0  # of SYNC; more of them than were sent are somebody else's
+        if link.echoes:
+            self._handlers[pdo.SYNC] = self._count_echo
         self._has_outputs = settings.outputs
         for node, track, inputs in zip(
             settings.node_ids, self.tracks, settings.inputs, strict=True
@@ -60,6 +63,7 @@ class Wire:
     def begin(self, number: int, previous: int) -> None:
         """Send SYNC, and the heartbeat when it is due between these two cycles."""
         self.unsent = False
+        self._echoes_due += 1
         beat = number // self._every != previous // self._every
         self._send(self._sync_and_beat if beat else self._sync)
 
@@ -85,6 +89,10 @@ class Wire:
                 handler(data)
             elif identifier == pdo.ERROR_FRAME:
                 self.failed = self.failed or is_fatal(data)
+
+    def _count_echo(self, data: bytes) -> None:
+        self._echoes_due -= 1
+        self.foreign = self.foreign or self._echoes_due < 0
 
     def _notice_foreigner(self, data: bytes) -> None:
         self.foreign = True
