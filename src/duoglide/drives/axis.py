@@ -24,6 +24,7 @@ from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import DriveFault, DriveTimeout
 
+_SIMULATED_HOMED = 0x2010  # of the drive of firmware_interface/
 _PAUSE = 0.002  # between two looks at a statusword [s]
 _STATE_PATIENCE = 2.0  # how long a drive may take for one change of state [s]
 
@@ -38,7 +39,7 @@ class AxisReport:
     state: State
     error: str
     position: float  # [mm], meaningful once homed
-    homed: bool
+    homed: bool | None  # None: the drive cannot say
     safe_torque_off: bool
 
 
@@ -86,9 +87,31 @@ class Axis(DriveObjects):
         """Return the digital inputs, 0x60FD; 0 where the drive has none."""
         return self.read(0x60FD) if self.has(0x60FD) else 0
 
-    def read_homed(self) -> bool:
-        """Whether the drive remembers its reference; False where it cannot say."""
-        return self.has(0x2010) and self.read(0x2010) == 1
+    @property
+    def simulated(self) -> bool:
+        """Whether the drive carries the signature of Duoglide's own simulation."""
+        try:
+            return self.read_bytes(standstill.INDEX, standstill.SIGN) == standstill.signature()
+        except SdoRefusalError:
+            return False
+
+    def read_homed(self) -> bool | None:
+        """Whether the drive remembers its reference; None where it cannot say.
+
+        An object outside CiA 301 and 402 means what its maker wants: it counts where the machine
+        file names it, or where the drive is one of Duoglide's own simulation.
+        """
+        index = self.quirks.homed_object
+        if not index and self.has(_SIMULATED_HOMED) and self.simulated:
+            index = _SIMULATED_HOMED
+        return int.from_bytes(self.read_bytes(index, 0), "little") == 1 if index else None
+
+    def read_identity(self, sub: int) -> int:
+        """Return a field of 0x1018; 0 where the drive does not have it."""
+        try:
+            return int.from_bytes(self.read_bytes(0x1018, sub), "little")
+        except SdoRefusalError:
+            return 0
 
     def safe_torque_off(self) -> bool:
         """Whether the safe torque off circuit is open."""

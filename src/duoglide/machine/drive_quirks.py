@@ -63,6 +63,11 @@ class Quirks:
         6, "0x605A: 6 brakes at 0x6085 and holds, 2 brakes and then powers off"
     )
     home_offset_sign: int = setting(1, "-1 for a drive that subtracts 0x607C where others add it")
+    homed_object: int = setting(
+        0,
+        "index of an object that reads 1 while the drive remembers its reference, 0x2010 in the "
+        "drive of firmware_interface/; 0: it has none, and the host remembers the reference",
+    )
     setpoint_timer: bool = setting(
         True, "whether the drive has 0x1400:5, the time-out of setpoints"
     )
@@ -76,6 +81,7 @@ class Quirks:
     def __post_init__(self) -> None:
         for key in ("vendor_id", "product_code"):
             rules.whole(key, getattr(self, key), 0, 0xFFFFFFFF)
+        rules.whole("homed_object", self.homed_object, 0, 0xFFFF)
         rules.whole("quick_stop_option", self.quick_stop_option, -32768, 32767)
         if self.home_offset_sign not in (-1, 1):
             raise ConfigError(f"home_offset_sign = {self.home_offset_sign!r:.80}: must be +1 or -1")

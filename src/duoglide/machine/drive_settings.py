@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any
 
 from duoglide.errors import ConfigError
@@ -13,6 +14,13 @@ from duoglide.machine.meaning import documented, setting, told, unit_of
 BIT_RATES = (125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
 _MOST_INCREMENTS = 2**32 - 1  # per s^2 in 0x6085
 _MOST_MILLISECONDS = 65.535  # 0x1017, 0x1400:5 and 0x6066 are 16-bit milliseconds [s]
+
+
+class Reference(StrEnum):
+    """What the encoders know when they are switched on."""
+
+    INCREMENTAL = "incremental"
+    ABSOLUTE = "absolute"
 
 
 @documented
@@ -66,6 +74,13 @@ class DriveSettings:
     boot_timeout: float = setting(5.0, "how long a drive may take to say anything at all", "s")
     sdo_timeout: float = setting(0.5, "how long a drive may take to answer one request", "s")
     sdo_retries: int = setting(2, "how often a request without an answer is sent again")
+    reference: Reference = field(
+        default=Reference.INCREMENTAL,
+        metadata=told(
+            "incremental: the encoders count from where they are switched on; absolute: what the "
+            "drives say then is right, and the machine is not homed again"
+        ),
+    )
     homing: Homing = field(
         default_factory=Homing,
         metadata=told("how the position reference is found (CiA 402 homing mode)"),
@@ -82,6 +97,7 @@ class DriveSettings:
         self._check_wiring()
         self._check_scale()
         self._check_times()
+        self._check_reference()
         self._check_tables()
 
     @property
@@ -123,6 +139,13 @@ class DriveSettings:
             raise ConfigError(f"direction = {list(self.direction)}: each must be +1 or -1")
         window = rules.positive("following_error_window", self.following_error_window)
         self._store(following_error_window=window)
+
+    def _check_reference(self) -> None:
+        try:
+            self._store(reference=Reference(self.reference))
+        except ValueError as error:
+            known = " or ".join(Reference)
+            raise ConfigError(f"reference = {self.reference!r:.80}: must be {known}") from error
 
     def _check_times(self) -> None:
         for key, low, high in (
