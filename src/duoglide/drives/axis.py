@@ -21,6 +21,7 @@ from duoglide.drives.cia402 import (
 )
 from duoglide.drives.configure import Identity, configure, identify, wait_for_boot
 from duoglide.drives.drive_objects import DriveObjects
+from duoglide.drives.scale import RateUnits
 from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import DriveFault, DriveTimeout
 
@@ -41,6 +42,7 @@ class AxisReport:
     position: float  # [mm], meaningful once homed
     homed: bool | None  # None: the drive cannot say
     safe_torque_off: bool
+    units: RateUnits
 
 
 class Axis(DriveObjects):
@@ -149,6 +151,7 @@ class Axis(DriveObjects):
             position=self.read_position(),
             homed=self.read_homed(),
             safe_torque_off=self.safe_torque_off(),
+            units=self.units,
         )
 
     # -- states -------------------------------------------------------------------------------
@@ -204,9 +207,9 @@ class Axis(DriveObjects):
         offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
         for index, sub, value in (
             (0x607C, 0, offset),
-            (0x6099, 1, self.scale.magnitude(homing.search_speed)),
-            (0x6099, 2, self.scale.magnitude(homing.creep_speed)),
-            (0x609A, 0, self.scale.magnitude(homing.acceleration)),
+            (0x6099, 1, self.units.speed(homing.search_speed)),
+            (0x6099, 2, self.units.speed(homing.creep_speed)),
+            (0x609A, 0, self.units.ramp(homing.acceleration)),
         ):
             if self.has(index):
                 self.write_checked(index, sub, value)

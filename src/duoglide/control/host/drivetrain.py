@@ -85,6 +85,11 @@ class Drivetrain:
         """Whether the position reference is known; a drive that reboots loses it."""
         return self._reference.known
 
+    @property
+    def why_not_homed(self) -> str:
+        """Why the position reference is not known; empty where it is."""
+        return self._reference.why
+
     def require_homed(self) -> None:
         """Raise NotHomedError unless the position reference is known; BusError once closed."""
         self._connection.require_open()

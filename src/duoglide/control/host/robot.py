@@ -124,6 +124,11 @@ class Robot:
         return self._drives.homed
 
     @property
+    def why_not_homed(self) -> str:
+        """Why the drives' position reference is not known; empty where it is."""
+        return self._drives.why_not_homed
+
+    @property
     def enabled(self) -> bool:
         """Whether all three drives are under power and follow setpoints."""
         return self._drives.enabled
