@@ -32,6 +32,13 @@ Approach: TypeAlias = Annotated[
     bool,
     typer.Option("--approach", help="Move to the start first, by a planned and checked motion."),
 ]
+HomeHere: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--home-here",
+        help="Home first where the reference is not known: the machine stands in its home pose.",
+    ),
+]
 
 
 def load_machine(file: Path | None) -> Machine:

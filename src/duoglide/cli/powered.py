@@ -42,13 +42,16 @@ def require_page(port: int | None) -> None:
 
 
 @contextmanager
-def under_power(machine: Machine, bus: str, doing: str = "homing") -> Iterator[Robot]:
+def under_power(
+    machine: Machine, bus: str, doing: str = "homing", home_here: bool = False
+) -> Iterator[Robot]:
     """Connect a machine, enable and home it, and let ``duoglide view --join`` in.
 
     Args:
         machine: The machine.
         bus: Name of the bus.
         doing: What stderr says meanwhile.
+        home_here: Whether somebody has seen the machine stand in its home pose.
 
     Raises:
         DuoglideError: It does not come up.
@@ -58,8 +61,9 @@ def under_power(machine: Machine, bus: str, doing: str = "homing") -> Iterator[R
     with ExitStack() as resources:
         with working(doing):
             robot = resources.enter_context(Robot.connect(machine, bus=bus))
+            robot.require_reference(confirm=home_here)
             robot.enable()
-            robot.home()
+            robot.home(confirm=home_here)
         with _shared(robot):
             yield robot
 

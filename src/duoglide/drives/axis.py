@@ -22,11 +22,13 @@ from duoglide.drives.cia402 import (
 )
 from duoglide.drives.configure import Identity, configure, identify, wait_for_boot
 from duoglide.drives.drive_objects import DriveObjects
+from duoglide.drives.scale import RateUnits
 from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import DriveFault, DriveTimeout
 from duoglide.machine.drive_contract import answer_to
 from duoglide.machine.drive_quirks import Interlock
 
+_SIMULATED_HOMED = 0x2010  # of the drive of firmware_interface/
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.002, 0.05  # between two looks at an object [s]
 _STATE_PATIENCE = 2.0  # how long a drive may take for one change of state [s]
 
@@ -52,8 +54,9 @@ class AxisReport:
     state: State
     error: str
     position: float  # [mm], meaningful once homed
-    homed: bool
+    homed: bool | None  # None: the drive cannot say
     safe_torque_off: bool
+    units: RateUnits
 
 
 class Axis(DriveObjects):
@@ -100,9 +103,31 @@ class Axis(DriveObjects):
         """Return the digital inputs, 0x60FD; 0 where the drive has none."""
         return self.read(0x60FD) if self.has(0x60FD) else 0
 
-    def read_homed(self) -> bool:
-        """Whether the drive remembers its reference; False where it cannot say."""
-        return self.has(0x2010) and self.read(0x2010) == 1
+    @property
+    def simulated(self) -> bool:
+        """Whether the drive carries the signature of Duoglide's own simulation."""
+        try:
+            return self.read_bytes(standstill.INDEX, standstill.SIGN) == standstill.signature()
+        except SdoRefusalError:
+            return False
+
+    def read_homed(self) -> bool | None:
+        """Whether the drive remembers its reference; None where it cannot say.
+
+        An object outside CiA 301 and 402 means what its maker wants: it counts where the machine
+        file names it, or where the drive is one of Duoglide's own simulation.
+        """
+        index = self.quirks.homed_object
+        if not index and self.has(_SIMULATED_HOMED) and self.simulated:
+            index = _SIMULATED_HOMED
+        return int.from_bytes(self.read_bytes(index, 0), "little") == 1 if index else None
+
+    def read_identity(self, sub: int) -> int:
+        """Return a field of 0x1018; 0 where the drive does not have it."""
+        try:
+            return int.from_bytes(self.read_bytes(0x1018, sub), "little")
+        except SdoRefusalError:
+            return 0
 
     def safe_torque_off(self) -> bool:
         """Whether the safe torque off circuit is open."""
@@ -153,6 +178,7 @@ class Axis(DriveObjects):
             position=self.read_position(),
             homed=self.read_homed(),
             safe_torque_off=self.safe_torque_off(),
+            units=self.units,
         )
 
     # -- states -------------------------------------------------------------------------------
@@ -208,9 +234,9 @@ class Axis(DriveObjects):
         offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
         self._write_home(offset)
         for index, sub, value in (
-            (0x6099, 1, self.scale.magnitude(homing.search_speed)),
-            (0x6099, 2, self.scale.magnitude(homing.creep_speed)),
-            (0x609A, 0, self.scale.magnitude(homing.acceleration)),
+            (0x6099, 1, self.units.speed(homing.search_speed)),
+            (0x6099, 2, self.units.speed(homing.creep_speed)),
+            (0x609A, 0, self.units.ramp(homing.acceleration)),
         ):
             if self.has(index):
                 self.write_checked(index, sub, value)

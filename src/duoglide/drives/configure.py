@@ -24,7 +24,6 @@ _INVALID = 1 << 31  # of a PDO's COB-ID
 # Beside the contract's two, the PDOs that a maker may have on at delivery.
 _OTHER_RPDOS, _OTHER_TPDOS = range(0x1402, 0x1408), range(0x1802, 0x1808)
 _SPEED_ROOM = 1.1  # so that a drive that has fallen behind by a lost setpoint may catch up
-_MOST_SPEED = (1 << 31) - 1  # of 0x607F, where increments are small [increments/s]
 _MILLI, _BYTE = -3, 255  # of 0x60C2: the exponent that all drives know, the largest value
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
@@ -332,7 +331,7 @@ def _settings(
         (0x605E, 0, _RAMP_QUICK),
         (0x6065, 0, scale.magnitude(settings.following_error_window)),
         (0x6066, 0, _milliseconds(settings.following_error_time)),
-        (0x6085, 0, scale.magnitude(settings.quick_stop_deceleration[drive.number - 1])),
+        (0x6085, 0, drive.units.ramp(settings.quick_stop_deceleration[drive.number - 1])),
     ]
     if quirks.setpoint_timer:
         objects.append((0x1400, 5, _milliseconds(settings.setpoint_patience)))
@@ -340,8 +339,8 @@ def _settings(
         low, high = sorted(map(scale.to_increments, travel))
         objects += [(0x607D, 1, low), (0x607D, 2, high)]
     if speed is not None:
-        most = scale.to_mm(_MOST_SPEED)  # a bound that cannot be said is set as high as can be
-        objects.append((0x607F, 0, scale.magnitude(min(_SPEED_ROOM * speed, abs(most)))))
+        most = drive.units.most_speed  # a bound that cannot be said is set as high as can be
+        objects.append((0x607F, 0, drive.units.speed(min(_SPEED_ROOM * speed, most))))
     return objects
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _LARGEST = (1 << 31) - 1
 _LARGEST_UNSIGNED = (1 << 32) - 1
+_ROUNDING = 0.01  # share that rounding to a drive's unit may change an acceleration by
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,3 +73,54 @@ class Scale:
                 f" {abs(self.increments_per_mm):g} increments per mm"
             )
         return increments
+
+
+@dataclass(frozen=True, slots=True)
+class RateUnits:
+    """What one unit of a drive's velocities and accelerations means, which have no direction here.
+
+    Attributes:
+        velocity: Of 0x606C, 0x607F and 0x6099 [mm/s].
+        acceleration: Of 0x6085 and 0x609A [mm/s^2].
+    """
+
+    velocity: float
+    acceleration: float
+
+    @property
+    def most_speed(self) -> float:
+        """Greatest velocity that 32 bits with a sign hold [mm/s]."""
+        return _LARGEST * self.velocity
+
+    def speed(self, mm_per_s: float) -> int:
+        """Return a velocity as the drive has it; at least 1.
+
+        Raises:
+            LimitError: It does not fit 32 bits.
+        """
+        return _whole(mm_per_s, self.velocity, "mm/s")
+
+    def ramp(self, mm_per_s2: float) -> int:
+        """Return an acceleration as the drive has it; at least 1.
+
+        Raises:
+            LimitError: It does not fit 32 bits, or the drive's unit is so coarse that it would be
+                another one by more than a hundredth.
+        """
+        count = _whole(mm_per_s2, self.acceleration, "mm/s^2")
+        if abs(count * self.acceleration - mm_per_s2) > _ROUNDING * mm_per_s2:
+            raise LimitError(
+                f"{mm_per_s2:g} mm/s^2 would become {count * self.acceleration:g}: the drive knows"
+                f" multiples of {self.acceleration:g} mm/s^2 only; choose one of them"
+            )
+        return count
+
+
+def _whole(value: float, unit: float, name: str) -> int:
+    count = max(1, round(value / unit))
+    if count > _LARGEST_UNSIGNED:
+        raise LimitError(
+            f"{value:g} {name} is beyond what a drive can be told, {_LARGEST_UNSIGNED * unit:g},"
+            f" in units of {unit:g} {name}"
+        )
+    return count

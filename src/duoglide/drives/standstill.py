@@ -13,8 +13,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 INDEX = 0x20F0  # where manufacturers have objects of their own
+SIGN = 1  # sub-index that only says whose drive it is, and promises nothing
 _SIGNATURE = 0xD61D0000  # above the milliseconds: no other manufacturer's object reads like it
 _MILLISECONDS = 0xFFFF
+
+
+def signature() -> bytes:
+    """Return what sub-index SIGN holds."""
+    return _SIGNATURE.to_bytes(4, "little")
 
 
 @dataclass(slots=True)

@@ -2,9 +2,18 @@
 
 from duoglide.machine.cell import Box
 from duoglide.machine.drive_quirks import Homing, Quirks
-from duoglide.machine.drive_settings import DriveSettings
+from duoglide.machine.drive_settings import DriveSettings, Reference
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits
 from duoglide.machine.machine import Machine
 
-__all__ = ["Box", "CarriageLimits", "DriveSettings", "Geometry", "Homing", "Machine", "Quirks"]
+__all__ = [
+    "Box",
+    "CarriageLimits",
+    "DriveSettings",
+    "Geometry",
+    "Homing",
+    "Machine",
+    "Quirks",
+    "Reference",
+]

@@ -78,6 +78,23 @@ class Quirks:
         (0x607C, 0), "[index, subindex] of the position at the place of reference, 32 bits"
     )
     home_offset_sign: int = setting(1, "-1 for a drive that subtracts 0x607C where others add it")
+    homed_object: int = setting(
+        0,
+        "index of an object that reads 1 while the drive remembers its reference, 0x2010 in the "
+        "drive of firmware_interface/; 0: it has none, and the host remembers the reference",
+    )
+    velocity_unit: float | None = setting(
+        None,
+        "what one unit of the drive's velocities (0x607F, 0x6099) means; left out, what 0x60A9 "
+        "says, or one increment/s",
+        "mm/s",
+    )
+    acceleration_unit: float | None = setting(
+        None,
+        "what one unit of the drive's accelerations (0x6085, 0x609A) means; left out, what 0x60AA "
+        "says, or one increment/s^2",
+        "mm/s^2",
+    )
     setpoint_timer: bool = setting(
         True, "whether the drive has 0x1400:5, the time-out of setpoints"
     )
@@ -91,7 +108,12 @@ class Quirks:
     def __post_init__(self) -> None:
         for key in ("vendor_id", "product_code"):
             rules.whole(key, getattr(self, key), 0, 0xFFFFFFFF)
+        rules.whole("homed_object", self.homed_object, 0, 0xFFFF)
         rules.whole("quick_stop_option", self.quick_stop_option, -32768, 32767)
+        for key in ("velocity_unit", "acceleration_unit"):
+            if (value := getattr(self, key)) is not None:
+                unit = rules.positive(key, value, unit_of(Quirks, key))
+                object.__setattr__(self, key, unit)
         if self.home_offset_sign not in (-1, 1):
             raise ConfigError(f"home_offset_sign = {self.home_offset_sign!r:.80}: must be +1 or -1")
         for key in ("trust_csp", "setpoint_timer"):

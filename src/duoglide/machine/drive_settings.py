@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any
 
 from duoglide.errors import ConfigError
@@ -25,6 +26,13 @@ def _no_table() -> Any:
 
 def _no_tables() -> Any:
     return ({}, {}, {})
+
+
+class Reference(StrEnum):
+    """What the encoders know when they are switched on."""
+
+    INCREMENTAL = "incremental"
+    ABSOLUTE = "absolute"
 
 
 @documented
@@ -114,6 +122,13 @@ class DriveSettings:
         "make of the drives, one name or one per axis: it fills in what quirks and "
         "homing do not say; see the docs, Drives of other makers",
     )
+    reference: Reference = field(
+        default=Reference.INCREMENTAL,
+        metadata=told(
+            "incremental: the encoders count from where they are switched on; absolute: what the "
+            "drives say then is right, and the machine is not homed again"
+        ),
+    )
     homing: Homing = field(
         default_factory=_no_table,
         metadata=told("how the position reference is found (CiA 402 homing mode)"),
@@ -130,6 +145,7 @@ class DriveSettings:
         self._check_wiring()
         self._check_scale()
         self._check_times()
+        self._check_reference()
         self._check_tables()
 
     @property
@@ -181,6 +197,13 @@ class DriveSettings:
         for key in ("lag", "acceleration_lag"):
             unit = unit_of(DriveSettings, key)
             self._store(**{key: rules.any_per_carriage(key, getattr(self, key), unit)})
+
+    def _check_reference(self) -> None:
+        try:
+            self._store(reference=Reference(self.reference))
+        except ValueError as error:
+            known = " or ".join(Reference)
+            raise ConfigError(f"reference = {self.reference!r:.80}: must be {known}") from error
 
     def _check_times(self) -> None:
         for key, low, high in (

@@ -43,6 +43,7 @@ def replay(
     log: str | Path | None = None,
     approach: bool = False,
     override: float | None = None,
+    home_here: bool = False,
 ) -> RunReport:
     """Stream a recorded run again, with the same setpoints, after checking it again.
 
@@ -54,6 +55,8 @@ def replay(
         approach: Whether to make a planned, checked approach where the machine is not at the
             start; a run that began with an approach always makes one again.
         override: Speed as a share of the plan's, above 0 to 1; None: the pace that was recorded.
+        home_here: That somebody has seen the machine stand in its home pose, should it have to be
+            homed; simulated drives need nobody.
 
     Raises:
         InputError: An override that is no such share, or no path for a log.
@@ -67,8 +70,9 @@ def replay(
     from duoglide.control.host.robot import Robot
 
     with Robot.connect(again.machine, bus=bus) as robot:
+        robot.require_reference(confirm=home_here)
         robot.enable()
-        robot.home()
+        robot.home(confirm=home_here)
         return robot.run(again.trajectory, log=log, approach=again.approach)
 
 

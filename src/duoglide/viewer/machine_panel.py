@@ -60,6 +60,8 @@ class MachinePanel:
         self._add_operator()
         self._bus = self._gui.add_text("Bus", bus)
         self._button("Connect", self._connect)
+        hint = "Needed where the drives do not know where they are; simulated ones need nobody"
+        self._home_here = self._gui.add_checkbox("It stands in its home pose", False, hint=hint)
         self._button("Enable and home", self._bring_up)
         self._button("Reset fault", lambda robot: robot.reset_fault())
         self._button("Disable", lambda robot: robot.disable())
@@ -150,8 +152,11 @@ class MachinePanel:
         return f"Connected to {self._robot.bus}; the drives have no power yet."
 
     def _bring_up(self, robot: Robot) -> str:
+        seen = bool(self._home_here.value)
+        self._home_here.value = False  # what somebody saw once is not true for ever
+        robot.require_reference(confirm=seen)
         robot.enable()
-        robot.home()
+        robot.home(confirm=seen)
         return "Under power and homed."
 
     def _run(self, robot: Robot) -> str:

@@ -12,6 +12,7 @@ from duoglide.cli.motion import finish, run_with_progress
 from duoglide.cli.options import (
     Approach,
     Bus,
+    HomeHere,
     Json,
     MachineFile,
     load_machine,
@@ -67,6 +68,7 @@ def replay(
             "--channel", metavar="NAME", help="Of raw frames: those of this interface only."
         ),
     ] = None,
+    home_here: HomeHere = False,
     view: View = None,
     machine: MachineFile = None,
     force: Force = False,
@@ -79,9 +81,10 @@ def replay(
     from duoglide.playback.can_log import SUFFIXES
 
     if run.suffix.lower() in SUFFIXES:
-        if log or override or approach or view or machine:
+        if log or override or approach or home_here or view or machine:
             raise typer.BadParameter(
-                "--log, --override, --approach, --view and --machine do not go with raw frames"
+                "--log, --override, --approach, --home-here, --view and --machine do not go with"
+                " raw frames"
             )
         _play(run, bus, channel, as_json)
         return
@@ -97,7 +100,10 @@ def replay(
         if run.suffix.lower() in ("", ".mcap") or not run.is_file():
             raise
         raise LogError(f"{error}; raw frames are read from {', '.join(SUFFIXES)}") from error
-    with under_power(again.machine, bus) as robot, page_beside(robot, run, view):
+    with (
+        under_power(again.machine, bus, home_here=home_here) as robot,
+        page_beside(robot, run, view),
+    ):
         report = run_with_progress(
             robot, again.trajectory, log=log, approach=again.approach, override=1.0
         )

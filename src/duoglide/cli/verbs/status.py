@@ -46,7 +46,7 @@ def status(bus: Bus = "virtual", machine: MachineFile = None, as_json: Json = Fa
     with working("connecting"):
         robot = Robot.connect(described, bus=bus)
     with robot:
-        numbers = _numbers(robot)
+        numbers, why = _numbers(robot), robot.why_not_homed
     if as_json:
         say_json("status", numbers)
         return
@@ -54,7 +54,7 @@ def status(bus: Bus = "virtual", machine: MachineFile = None, as_json: Json = Fa
     say_facts(
         [
             ("states", ", ".join(numbers["states"])),
-            ("position reference", "known" if numbers["homed"] else "not known: not homed"),
+            ("position reference", "known" if numbers["homed"] else f"not known: {why}"),
             ("carriages", f"{triple(numbers['carriages'], 3)} mm"),
         ]
     )

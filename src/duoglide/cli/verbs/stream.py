@@ -11,6 +11,7 @@ from duoglide.cli.motion import finish, run_with_progress
 from duoglide.cli.options import (
     Approach,
     Bus,
+    HomeHere,
     Json,
     MachineFile,
     Override,
@@ -23,8 +24,9 @@ from duoglide.cli.powered import View, page_beside, require_page, under_power
 _HELP = """\
 Bring up the drives of a bus and stream a plan to them.
 
-Ctrl-C and SIGTERM stop along the path, close the log and switch off. A run that is there
-already is kept unless --force is given.
+Where the drives do not know where they are, --home-here says that the machine stands in its home
+pose; simulated drives need nobody to look. Ctrl-C and SIGTERM stop along the path, close the log
+and switch off. A run that is there already is kept unless --force is given.
 """
 _EXAMPLE = """\
 Examples:
@@ -51,6 +53,7 @@ def stream(
     ] = None,
     override: Override = "100",
     approach: Approach = False,
+    home_here: HomeHere = False,
     view: View = None,
     machine: MachineFile = None,
     force: Force = False,
@@ -64,6 +67,9 @@ def stream(
 
     trajectory = Trajectory.load(plan)
     described = load_machine(machine) if machine is not None else trajectory.machine
-    with under_power(described, bus) as robot, page_beside(robot, plan, view):
+    with (
+        under_power(described, bus, home_here=home_here) as robot,
+        page_beside(robot, plan, view),
+    ):
         report = run_with_progress(robot, trajectory, log=log, approach=approach, override=factor)
     finish("stream", report, log, as_json)

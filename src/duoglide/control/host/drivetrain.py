@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from duoglide.arrays import AXES
-from duoglide.control.channel.events import Condition, Happening, Refusal, Trip
+from duoglide.control.channel.events import Happening, Refusal, Trip
 from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
 from duoglide.control.host.connection import Connection, bring_up
+from duoglide.control.host.reference import PositionReference, look_at
 from duoglide.drives.axis import growing_pauses
 from duoglide.drives.cia402 import METHODS_HERE, Mode, State, decode
-from duoglide.errors import DriveError, DriveTimeout, NotHomedError
+from duoglide.errors import BusError, DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
@@ -41,8 +43,11 @@ class Drivetrain:
         self.machine = machine
         self.scales = Scales.of(machine.drives)
         self._connection = connection
-        self._homed = False
-        self._homed_at = self._reset_at = 0
+        self._reference = PositionReference(
+            machine, connection.bus, kept=connection.simulated is None
+        )
+        self._reset_at = 0
+        self._listen()
 
     # What it is
 
@@ -79,13 +84,48 @@ class Drivetrain:
     @property
     def homed(self) -> bool:
         """Whether the position reference is known; a drive that reboots loses it."""
-        return self._homed and not self._connection.monitor.find(_is_boot_up, self._homed_at)
+        return self._reference.known
+
+    @property
+    def why_not_homed(self) -> str:
+        """Why the position reference is not known; empty where it is."""
+        return self._reference.why
 
     def require_homed(self) -> None:
         """Raise NotHomedError unless the position reference is known; BusError once closed."""
         self._connection.require_open()
         if not self.homed:
-            raise NotHomedError("the position reference is not known: home the machine first")
+            raise NotHomedError(
+                f"the position reference is not known, {self._reference.why}: home the machine"
+                " first"
+            )
+
+    def require_reference(self, confirm: bool) -> None:
+        """Raise NotHomedError where somebody has to look at the machine before it is homed.
+
+        Args:
+            confirm: Whether somebody has.
+        """
+        if confirm or self.homed or self._reference.simulated:
+            return
+        raise NotHomedError(
+            f"the position reference is not known, {self._reference.why}; {self._ask_to_look()}"
+        )
+
+    def _ask_to_look(self) -> str:
+        """Say what homing takes for granted, and how to confirm it."""
+        methods = self.machine.drives.homing.method
+        goals = ", ".join(f"{goal:.3f}" for goal in self._goals())
+        if not METHODS_HERE.issuperset(methods):
+            return (
+                f"homing by methods {list(methods)} moves the carriages: home on purpose, with"
+                " robot.home(confirm=True) or --home-here"
+            )
+        return (
+            f"homing by method {methods[0]} takes the place where the machine stands for its home"
+            f" pose, carriages at {goals} mm: see that it stands there, then confirm it with"
+            " robot.home(confirm=True) or --home-here"
+        )
 
     def require_power(self, what: str) -> None:
         """Raise DriveError unless the drives are enabled and no stop is latched; say which."""
@@ -117,11 +157,18 @@ class Drivetrain:
         if not self._connection.monitor.wait_for(lambda entry: not entry.missing, _PATIENCE):
             raise self._unanswered(self.latest.missing)
 
-    def _bring_up(self, axes: tuple[Axis, ...]) -> None:
+    def _listen(self) -> None:
+        self._reference.begin()
+        self._connection.monitor.witness = self._reference
+
+    def _bring_up(self, axes: tuple[Axis, ...], heard: bool = False) -> None:
+        for axis in axes:
+            axis.wait_for_boot()
+        seen = [look_at(axis) for axis in axes]
         bring_up(self.machine, axes)
         standstill = min(axis.ask_standstill() for axis in axes)
         self._connection.process.order(Command.STANDSTILL, 0, standstill)
-        self._set_homed(all(axis.read_homed() for axis in axes))
+        self._reference.judge(seen, [axis.read(0x1017) for axis in axes], heard)
 
     def _unanswered(self, missing: int) -> DriveTimeout:
         """Make the error for drives that do not answer SYNC; bit i of ``missing`` is axis i + 1."""
@@ -142,6 +189,7 @@ class Drivetrain:
                 if axis.read_state() is State.FAULT:
                     raise axis.fault()
                 axis.set_mode(Mode.CYCLIC_SYNCHRONOUS_POSITION)
+            self._reference.note_power(True, self.latest.actual)
             self._switch(Power.ON, (State.OPERATION_ENABLED,))
 
     def disable(self) -> None:
@@ -149,10 +197,17 @@ class Drivetrain:
         entry = self._connection.monitor.latest
         if entry is not None and entry.power != Power.SILENT:
             self._switch(Power.OFF, _OFF)
+            self._reference.note_power(False, self.latest.actual)
 
     def set_brakes(self, closed: bool) -> None:
         """Close or release the holding brakes, through bit 0 of 0x60FE:1."""
         with self.axes() as axes:
+            for axis in axes:
+                if not axis.has(0x60FE):
+                    raise axis.error(
+                        "has no digital outputs, 0x60FE is in its drives.quirks absent: its brake"
+                        " cannot be set from here"
+                    )
             for index, axis in enumerate(axes):
                 word = axis.read(0x60FE, 1) & ~1 | int(closed)
                 self._connection.process.order(Command.OUTPUTS, index, float(word))
@@ -160,8 +215,10 @@ class Drivetrain:
     def reset_fault(self) -> None:
         """Acknowledge faults and latched stops, and configure the drives again; power stays off."""
         self._connection.require_open()
-        if self._connection.failed:
+        heard = not self._connection.failed
+        if not heard:
             self._connection.restart()
+            self._listen()
         order = self._connection.process.order
         with self.axes() as axes:
             for axis in axes:
@@ -172,28 +229,45 @@ class Drivetrain:
             if not self._connection.monitor.wait_for(_no_fault, _PATIENCE):
                 raise next(axis.fault() for axis in axes if axis.read_state() in _FAULTY)
             order(Command.POWER, Power.SILENT)
-            self._bring_up(axes)
+            self._bring_up(axes, heard)
 
     # Reference
 
-    def home(self, again: bool) -> None:
-        """Home all three drives together; those that remember are left alone unless ``again``."""
-        with self.axes() as axes:
-            if not again and all(axis.read_homed() for axis in axes):
-                self._set_homed(True)
-                return
-            self.require_power("homing")
-            self._set_homed(False)
-            goals = self._goals()
+    def home(self, again: bool, confirm: bool) -> None:
+        """Home all three drives together, unless the reference is known and not ``again``.
+
+        Everything is said to every drive, and read back, before bit 4 rises for the first of them.
+        """
+        if self.homed and not again:
+            return
+        here = METHODS_HERE.intersection(self.machine.drives.homing.method)
+        if here and not confirm and not self._reference.simulated:
+            raise NotHomedError(self._ask_to_look())
+        self.require_power("homing")
+        self._reference.lose("homing has begun and has not ended")
+        goals = self._goals()
+        with self.axes() as axes, self._stopping_on_error():
             self._switch(Power.HOMING, (State.OPERATION_ENABLED,))
             for axis, goal in zip(axes, goals, strict=True):
-                axis.start_homing(goal)
+                axis.prepare_homing(goal)
+            self._switch(Power.HOMING_START, (State.OPERATION_ENABLED,))
             self._await_homing(axes)
-            self._await_setpoints([axis.read(0x6064) for axis in axes])
+            positions = [axis.read(0x6064) for axis in axes]
+            self._await_setpoints(positions)
             self._switch(Power.ON, (State.OPERATION_ENABLED,))
             for axis, goal in zip(axes, goals, strict=True):
                 axis.end_homing(goal)
-        self._set_homed(True)
+        self._reference.find(positions)
+
+    @contextmanager
+    def _stopping_on_error(self) -> Iterator[None]:
+        """Stop all drives, and latch that, if one of them cannot go on: they move as one."""
+        try:
+            yield
+        except BaseException:
+            with suppress(BusError):  # then they stop by themselves
+                self._connection.process.order(Command.QUICK_STOP)
+            raise
 
     def _goals(self) -> list[float]:
         """Return where each carriage is once it is homed [mm]."""
@@ -225,9 +299,6 @@ class Drivetrain:
             raise DriveTimeout("the feedback does not show the position that was homed to")
 
     # Inside
-
-    def _set_homed(self, homed: bool) -> None:
-        self._homed, self._homed_at = homed, self._connection.monitor.mark
 
     def _switch(self, power: Power, goals: tuple[State, ...]) -> None:
         """Give an order and wait until every drive is where it leads.
@@ -265,10 +336,6 @@ class Drivetrain:
 
 def _no_fault(entry: CycleEntry) -> bool:
     return not any(decode(word) in _FAULTY for word in entry.statusword)
-
-
-def _is_boot_up(event: EventEntry) -> bool:
-    return _is_trip(event) and Trip.from_event(event).condition is Condition.BOOT_UP
 
 
 def _is_latched(event: EventEntry) -> bool:

@@ -35,6 +35,9 @@ class Monitor:
 
     Args:
         process: The streamer.
+
+    Attributes:
+        witness: Who gets every record, whether anything runs or not; must not fail.
     """
 
     def __init__(self, process: StreamerProcess) -> None:
@@ -43,6 +46,7 @@ class Monitor:
         self._latest: CycleEntry | None = None
         self._events: list[EventEntry] = []
         self._listeners: tuple[Listener, ...] = ()
+        self.witness: Listener | None = None
         self._failure: DuoglideError | None = None
         self._gone: DuoglideError | None = None
         self._closing = False
@@ -173,8 +177,12 @@ class Monitor:
     def _hand_on(self, entry: CycleEntry | EventEntry) -> None:
         if isinstance(entry, CycleEntry):
             self._latest = entry
+            if self.witness is not None:
+                self.witness.add_cycle(entry)
         else:
             self._events.append(entry)
+            if self.witness is not None:
+                self.witness.add_event(entry)
         try:
             for listener in self._listeners:
                 if isinstance(entry, CycleEntry):

@@ -124,6 +124,11 @@ class Robot:
         return self._drives.homed
 
     @property
+    def why_not_homed(self) -> str:
+        """Why the drives' position reference is not known; empty where it is."""
+        return self._drives.why_not_homed
+
+    @property
     def enabled(self) -> bool:
         """Whether all three drives are under power and follow setpoints."""
         return self._drives.enabled
@@ -184,20 +189,35 @@ class Robot:
         self._end_run()
         self._drives.disable()
 
-    def home(self, *, again: bool = False) -> None:
+    def home(self, *, again: bool = False, confirm: bool = False) -> None:
         """Find the position reference of all three drives together.
 
         With method 37, the default, the machine has to stand in its home pose: the drives are
-        told that this is where they are. Drives that remember their reference are left alone.
+        told that this is where they are. Where the reference is known, nothing happens.
 
         Args:
-            again: Whether to home drives that remember their reference.
+            again: Whether to home although the reference is known.
+            confirm: That somebody has seen the machine stand in its home pose; simulated drives
+                need none.
 
         Raises:
-            DriveError: Not enabled, or homing has failed.
+            NotHomedError: Method 37, or 35, without that confirmation.
+            DriveError: Not enabled, or homing has failed; then the drives have been stopped, and
+                ``reset_fault`` acknowledges it.
         """
         self._end_run()
-        self._drives.home(again)
+        self._drives.home(again, confirm)
+
+    def require_reference(self, *, confirm: bool = False) -> None:
+        """Refuse a machine that somebody has to look at, before it gets power and is homed.
+
+        Args:
+            confirm: Whether somebody has.
+
+        Raises:
+            NotHomedError: The reference is not known, and the drives are not simulated.
+        """
+        self._drives.require_reference(confirm)
 
     def reset_fault(self) -> None:
         """Acknowledge faults and latched stops, on purpose; the power stays off.

@@ -203,6 +203,8 @@ class NodeObjects:
 
     def upload(self, index: int, sub: int) -> bytes:
         """Return an object as bytes."""
+        if index == standstill.INDEX and sub == standstill.SIGN:
+            return standstill.signature()
         if index == standstill.INDEX and self._standstill.seconds:
             return self._standstill.agree()
         variable = self._variable(index, sub)
