@@ -6,7 +6,9 @@ watchdogs, stops and limits; everything that can be is read back.
 
 from __future__ import annotations
 
+import math
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,11 +17,15 @@ from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
 from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.sdo_client import SdoRefusalError
-from duoglide.errors import ConfigError, DriveTimeout
+from duoglide.errors import ConfigError, DriveTimeout, DuoglideWarning
 from duoglide.machine.drive_contract import answer_to
 
 _PROFILE = 402
 _SCAN_PATIENCE = 0.5  # [s]
+_FIRST_ANSWER = 0.1  # how long to wait for one answer of a drive that may still be booting [s]
+_WORTH_TELLING = 1.0  # of waiting [s]
+_SLOW, _LOOKS = 0.03, 3  # an answer that takes as long whenever it is asked for [s]
+_REQUESTS = 150  # of one bring-up, roughly
 _INVALID = 1 << 31  # of a PDO's COB-ID
 _SPEED_ROOM = 1.1  # so that a drive that has fallen behind by a lost setpoint may catch up
 _MOST_SPEED = (1 << 31) - 1  # of 0x607F, where increments are small [increments/s]
@@ -27,6 +33,10 @@ _MILLI, _BYTE = -3, 255  # of 0x60C2: the exponent that all drives know, the lar
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
 _RAMP_QUICK = 2  # 0x605D, 0x605E: brake at 0x6085
+
+
+class DriveWarning(DuoglideWarning):
+    """A drive keeps its host waiting."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,20 +85,63 @@ def wait_for_boot(drive: DriveObjects) -> None:
     Raises:
         DriveTimeout: Nothing within ``boot_timeout``; says which nodes were heard.
     """
-    deadline = time.monotonic() + drive.settings.boot_timeout
+    if not await_answer(drive):
+        raise no_answer(drive)
+
+
+def await_answer(drive: DriveObjects) -> bool:
+    """Wait until a drive answers at all, and return whether it has within ``boot_timeout``.
+
+    Warns, as ``DriveWarning``, of a drive that keeps its host waiting: once, after a second.
+    """
+    begin = time.monotonic()
+    told, patience = False, drive.settings.boot_timeout
     while True:
         try:
-            drive.read(0x1000, timeout=0.1)
-            return
+            drive.read(0x1000, timeout=_FIRST_ANSWER)
         except DriveTimeout:
-            if time.monotonic() < deadline:
-                continue
-        raise DriveTimeout(
-            f"axis {drive.number}: node {drive.node_id} does not answer for"
-            f" {drive.settings.boot_timeout:g} s; {_who_answers(drive)}. Its supply, its node"
-            f" number and its bit rate ({drive.settings.bit_rate} bit/s) are to be checked first",
-            axis=drive.number,
-        )
+            waited = time.monotonic() - begin
+            if waited >= patience:
+                return False
+            if waited > _WORTH_TELLING and not told:
+                told = True
+                warnings.warn(
+                    f"axis {drive.number} (node {drive.node_id}) does not answer yet; it is waited"
+                    f" for, up to drives.boot_timeout = {patience:g} s",
+                    DriveWarning,
+                    stacklevel=2,
+                )
+            continue
+        _tell_if_slow(drive)
+        return True
+
+
+def _tell_if_slow(drive: DriveObjects) -> None:
+    """Warn of a drive that takes long for each answer: its bring-up takes that long many times."""
+    quickest = math.inf
+    for _ in range(_LOOKS):
+        begin = time.monotonic()
+        drive.read(0x1000)
+        quickest = min(quickest, time.monotonic() - begin)
+        if quickest < _SLOW:
+            return
+    warnings.warn(
+        f"axis {drive.number} (node {drive.node_id}) takes {1e3 * quickest:.0f} ms for an answer:"
+        f" bring-up, which asks some {_REQUESTS} times, takes about {_REQUESTS * quickest:.0f} s",
+        DriveWarning,
+        stacklevel=2,
+    )
+
+
+def no_answer(drive: DriveObjects) -> DriveTimeout:
+    """Make the error for a drive that does not answer: it asks who else is on the bus."""
+    return DriveTimeout(
+        f"axis {drive.number}: node {drive.node_id} does not answer for"
+        f" {drive.settings.boot_timeout:g} s; {_who_answers(drive)}. Its supply, its node"
+        f" number and its bit rate ({drive.settings.bit_rate} bit/s) are to be checked first;"
+        " drives.boot_timeout says how long a drive may take",
+        axis=drive.number,
+    )
 
 
 def _who_answers(drive: DriveObjects) -> str:
