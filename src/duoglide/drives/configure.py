@@ -10,7 +10,7 @@ import math
 import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from duoglide.drives import pdo
@@ -20,7 +20,7 @@ from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import ConfigError, DriveTimeout, DuoglideWarning
 from duoglide.machine.drive_contract import answer_to
 
-_PROFILE = 402
+PROFILE_402 = 402  # low word of 0x1000
 _SCAN_PATIENCE = 0.5  # [s]
 _FIRST_ANSWER = 0.1  # how long to wait for one answer of a drive that may still be booting [s]
 _WORTH_TELLING = 1.0  # of waiting [s]
@@ -167,9 +167,9 @@ def identify(drive: DriveObjects) -> Identity:
             position.
     """
     device_type = drive.read(0x1000)
-    if device_type & 0xFFFF != _PROFILE:
+    if device_type & 0xFFFF != PROFILE_402:
         raise drive.error(
-            f"is no CiA 402 drive: 0x1000 says profile {device_type & 0xFFFF}, not {_PROFILE}"
+            f"is no CiA 402 drive: 0x1000 says profile {device_type & 0xFFFF}, not {PROFILE_402}"
         )
     identity = Identity(
         device_type=device_type,
@@ -231,7 +231,7 @@ def configure(drive: DriveObjects, travel: tuple[float, float] | None, speed: fl
             if drive.has(0x1006):
                 drive.write(0x1006, 0, 0)  # with a cycle set, a drive must not change its counter
             drive.write_checked(0x1019, 0, 0)
-    for index, sub, value in _settings(drive, travel, speed):
+    for index, sub, value in list_settings(drive, travel, speed):
         if drive.has(index):
             with refusals.collected():
                 drive.write_checked(index, sub, value)
@@ -327,7 +327,7 @@ def _write_map(drive: DriveObjects, wanted: PdoMap) -> None:
         )
 
 
-def _settings(
+def list_settings(
     drive: DriveObjects, travel: tuple[float, float] | None, speed: float | None
 ) -> list[tuple[int, int, int]]:
     """Return the objects to write: timing, watchdogs, stops and limits."""
@@ -370,7 +370,8 @@ def _fixed_exponent(drive: DriveObjects) -> int | None:
         kept = drive.read(0x60C2, 2)
         drive.write(0x60C2, 2, _MILLI if kept != _MILLI else kept)
     except SdoRefusalError:
-        return drive.read(0x60C2, 2)
+        with suppress(SdoRefusalError):  # a drive that cannot say it refuses what is written next
+            return drive.read(0x60C2, 2)
     return None
 
 
