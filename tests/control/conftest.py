@@ -19,7 +19,7 @@ from duoglide.control.host.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
-from duoglide.drives.simulation.firmware import FirmwareAxis
+from duoglide.drives.simulation.firmware.axis import FirmwareAxis
 from duoglide.errors import BusError
 from duoglide.motion.path.actions import Action
 from duoglide.motion.stop_bounds import StopBounds

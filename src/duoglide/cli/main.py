@@ -30,6 +30,7 @@ from duoglide.cli.console import EXTRAS, Failed, Stopped, complain, say_json
 from duoglide.cli.verbs import (
     check,
     demo,
+    doctor,
     drives,
     figures,
     log,
@@ -81,6 +82,7 @@ for verb in (
     stream,
     replay,
     status,
+    doctor,
     drives,
     log,
     workspace,

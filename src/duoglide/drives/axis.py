@@ -194,14 +194,16 @@ class Axis(DriveObjects):
 
     # -- homing -------------------------------------------------------------------------------
 
-    def start_homing(self, position: float) -> None:
-        """Begin homing; the drive must be enabled.
+    def prepare_homing(self, position: float) -> None:
+        """Say how to home, and go into homing mode; nothing begins before bit 4 rises.
+
+        All of it is read back before it returns: a drive that begins on the level of bit 4, or with
+        what it has in memory, must find everything in its place.
 
         Args:
             position: Where the carriage is once homing ends [mm]. Method 37: where it stands.
         """
         homing = self.settings.homing
-        self.set_mode(Mode.HOMING)
         self.write_checked(0x6098, 0, homing.method[self.number - 1])
         offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
         self._write_home(offset)
@@ -212,6 +214,15 @@ class Axis(DriveObjects):
         ):
             if self.has(index):
                 self.write_checked(index, sub, value)
+        self.set_mode(Mode.HOMING)
+
+    def start_homing(self, position: float) -> None:
+        """Prepare homing, and begin it by SDO; the drive must be enabled, and nobody else stream.
+
+        Args:
+            position: As for ``prepare_homing``.
+        """
+        self.prepare_homing(position)
         self.write(0x6040, 0, Control.ENABLE_OPERATION)
         self.write(0x6040, 0, Control.START_HOMING)
 

@@ -27,11 +27,14 @@ _WORTH_TELLING = 1.0  # of waiting [s]
 _SLOW, _LOOKS = 0.03, 3  # an answer that takes as long whenever it is asked for [s]
 _REQUESTS = 150  # of one bring-up, roughly
 _INVALID = 1 << 31  # of a PDO's COB-ID
+# Beside the contract's two, the PDOs that a maker may have on at delivery.
+_OTHER_RPDOS, _OTHER_TPDOS = range(0x1402, 0x1408), range(0x1802, 0x1808)
 _SPEED_ROOM = 1.1  # so that a drive that has fallen behind by a lost setpoint may catch up
 _MOST_SPEED = (1 << 31) - 1  # of 0x607F, where increments are small [increments/s]
 _MILLI, _BYTE = -3, 255  # of 0x60C2: the exponent that all drives know, the largest value
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
+_NOT_THERE = (0x06020000, 0x06090011)  # abort codes: no such object, no such sub-index
 _RAMP_QUICK = 2  # 0x605D, 0x605E: brake at 0x6085
 
 
@@ -222,10 +225,15 @@ def configure(drive: DriveObjects, travel: tuple[float, float] | None, speed: fl
     """
     drive.command(pdo.Nmt.ENTER_PRE_OPERATIONAL)
     refusals = Refusals(drive)
+    for parameters in (*_OTHER_RPDOS, *_OTHER_TPDOS):
+        with refusals.collected():
+            switch_off_pdo(drive, parameters)
     for wanted in PDO_MAPS:
-        if all(drive.has(index) for index, _, _ in wanted.entries):
-            with refusals.collected():
+        with refusals.collected():
+            if all(drive.has(index) for index, _, _ in wanted.entries):
                 map_pdo(drive, wanted)
+            else:
+                switch_off_pdo(drive, wanted.parameters)
     if _counts_syncs(drive):
         with refusals.collected():
             if drive.has(0x1006):
@@ -282,6 +290,34 @@ def _counts_syncs(drive: DriveObjects) -> bool:
         return drive.read(0x1019) != 0
     except SdoRefusalError:  # optional in CiA 301
         return False
+
+
+def switch_off_pdo(drive: DriveObjects, parameters: int) -> None:
+    """Switch off a PDO as its maker delivers it, if there is one; in PRE-OPERATIONAL.
+
+    Left on, it loads the bus in every cycle, or acts on a frame that means something else here.
+
+    Args:
+        drive: Whose.
+        parameters: 0x14xx or 0x18xx.
+
+    Raises:
+        DriveError: It stays on.
+    """
+    try:
+        cob_id = int.from_bytes(drive.read_bytes(parameters, 1), "little")
+        if not cob_id & _INVALID:
+            drive.write_bytes(parameters, 1, (cob_id | _INVALID).to_bytes(4, "little"))
+            cob_id = int.from_bytes(drive.read_bytes(parameters, 1), "little")
+    except SdoRefusalError as refusal:
+        if refusal.abort in _NOT_THERE:
+            return
+        raise
+    if not cob_id & _INVALID:
+        raise drive.error(
+            f"its PDO 0x{parameters:04X} stays on (0x{cob_id:X}); switch it off with the maker's"
+            " tool, and store that"
+        )
 
 
 def map_pdo(drive: DriveObjects, wanted: PdoMap) -> None:

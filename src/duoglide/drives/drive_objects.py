@@ -94,7 +94,7 @@ class DriveObjects:
 
     def has(self, index: int) -> bool:
         """Whether the machine file says that the drive has an optional object."""
-        return index not in self.quirks.absent
+        return self.quirks.has(index)
 
     def _variable(self, index: int, sub: int) -> canopen.objectdictionary.ODVariable:
         entry = self._dictionary[index]

@@ -104,6 +104,10 @@ class Quirks:
         self._check_absent()
         self._check_writes()
 
+    def has(self, index: int) -> bool:
+        """Whether the drive has an optional object."""
+        return index not in self.absent
+
     def _check_absent(self) -> None:
         if not isinstance(self.absent, list | tuple):
             raise ConfigError(f"absent = {self.absent!r:.80}: must be a list of object indices")

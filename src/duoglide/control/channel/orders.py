@@ -33,9 +33,15 @@ class Power(IntEnum):
     SILENT = 0  # no setpoints are sent; somebody else may write controlwords
     OFF = 1
     ON = 2
-    HOMING = 3  # on, with bit 4: in homing mode, go
+    HOMING = 3  # on, while homing is prepared: bit 4 stays low
     QUICK_STOP = 4
     RESET = 5  # rising edges of bit 7 to whoever is in fault
+    HOMING_START = 6  # on, with bit 4: whoever is in homing mode begins
+
+    @property
+    def homes(self) -> bool:
+        """Whether the drives are in homing mode, or on their way there or back."""
+        return self in (Power.HOMING, Power.HOMING_START)
 
 
 class Order(NamedTuple):
@@ -83,6 +89,8 @@ class StreamSettings:
         host_node: Node number that the host's heartbeat carries.
         heartbeat_every: Cycles between two heartbeats of the host.
         policy: What is bridged, and for how long.
+        inputs: Whether each drive's TPDO2 is mapped as the contract has it; others are not read.
+        outputs: Whether each drive's RPDO2 is; others are not written.
     """
 
     node_ids: tuple[int, int, int]
@@ -90,6 +98,8 @@ class StreamSettings:
     host_node: int
     heartbeat_every: int
     policy: Policy
+    inputs: tuple[bool, bool, bool] = (True, True, True)
+    outputs: tuple[bool, bool, bool] = (True, True, True)
 
     def allow_standstill(self, seconds: float) -> Policy:
         """Return the policy for drives that stand still with this computer, for so long.

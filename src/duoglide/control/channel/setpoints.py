@@ -19,7 +19,7 @@ from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 _STEP_RESERVE = 1.001  # audits allow a thousandth
 

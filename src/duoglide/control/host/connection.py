@@ -12,6 +12,7 @@ from duoglide.control.channel.events import Condition, Happening, Trip
 from duoglide.control.channel.orders import Assignment, Policy, StreamSettings
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.process import StreamerProcess
+from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
 from duoglide.drives.bus_load import require_bus_load
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
@@ -23,7 +24,7 @@ from duoglide.drives.scale import Scale
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.errors import BusError, InputError
 from duoglide.kinematics.home import home_carriages
-from duoglide.machine import Machine
+from duoglide.machine import DriveSettings, Machine
 
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import EventEntry
@@ -182,4 +183,16 @@ def describe_stream(machine: Machine) -> StreamSettings:
         host_node=drives.host_id,
         heartbeat_every=max(1, int(drives.heartbeat_period / drives.cycle)),
         policy=policy,
+        inputs=_has_all(drives, pdo.TPDO2_MAPPING),
+        outputs=_has_all(drives, pdo.RPDO2_MAPPING),
     )
+
+
+def _has_all(
+    drives: DriveSettings, mapping: tuple[tuple[int, int, int], ...]
+) -> tuple[bool, bool, bool]:
+    """Return of each drive whether it has all objects of a PDO, which is not mapped otherwise."""
+    first, second, third = (
+        all(quirks.has(index) for index, _, _ in mapping) for quirks in drives.quirks
+    )
+    return first, second, third

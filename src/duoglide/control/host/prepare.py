@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from duoglide.arrays import FloatArray
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
     from duoglide.storage.records import Phase
 
 START_TOLERANCE = 0.05  # [mm] that a carriage may be away from the start of a run

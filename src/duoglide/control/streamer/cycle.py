@@ -183,7 +183,7 @@ class Streamer:
 
     def _switch(self, power: Power) -> None:
         """Change the goal of the drives' power; what is latched forbids to switch it on."""
-        on = power in (Power.ON, Power.HOMING)
+        on = power is Power.ON or power.homes
         if self._follower is not None:
             self._refuse(Command.POWER, Refusal.BUSY)
             return
@@ -223,7 +223,8 @@ class Streamer:
         for number, track in enumerate(self._tracks, 1):
             for code in track.emergencies:
                 self.tell(Happening.EMERGENCY, axis=number, code=code)
-        watch.see_axes(self._tracks, self._sent[0] if self._enabled else None)
+        due = self._sent[0] if self._enabled else None
+        watch.see_axes(self._tracks, due, self._power.homes)
         watch.see_time(self._skipped, self._outbox.signs_of_life)
         seen.moving = self._follower is not None
         seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign

@@ -152,19 +152,23 @@ class Watch:
         """Whether so many cycles in a row are late that the run must stop."""
         return self.seen.late >= self.policy.late
 
-    def see_axes(self, tracks: tuple[AxisTrack, ...], due: IntTriple | None) -> None:
+    def see_axes(
+        self, tracks: tuple[AxisTrack, ...], due: IntTriple | None, homing: bool = False
+    ) -> None:
         """Note what the drives said.
 
         Args:
             tracks: Of the drives.
             due: Setpoints that they should have reached; None while they are not enabled.
+            homing: Whether they have been sent to find their reference; a drive without TPDO2 does
+                not say in which mode it is.
         """
         for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
             track.fill(view)
             # an old position proves nothing, and after a gap the answer may be to an earlier SYNC
             known = due is not None and track.settled
             view.following = abs(track.actual - due[index]) if due and known else 0
-            if track.homing:
+            if homing or track.homing:
                 view.statusword = view.following = 0  # bits 12 and 13 mean something else there
         self.seen.enabled = due is not None
 
