@@ -102,7 +102,7 @@ class Bench:
         self.number = 0
         values = {"heartbeat": 125, "host": 500, **policy}
         settings = StreamSettings(
-            machine.drives.node_ids, CYCLE, 127, 25, Policy(following=(5000,) * 3, **values)
+            machine.drives.node_ids, CYCLE, 127, 25, Policy(**values)
         )
         self.streamer = Streamer(self, settings, self, self)
         for drive in self.drives:

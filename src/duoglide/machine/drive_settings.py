@@ -55,7 +55,38 @@ class DriveSettings:
         "which is less than 60 m/s^2 above 71 582 increments per mm",
         "mm/s^2",
     )
-    following_error_window: float = setting(15.0, "0x6065", "mm")
+    following_error_window: float = setting(
+        15.0,
+        "0x6065, and what a carriage may be off at full speed from where its setpoints and its "
+        "known lag put it",
+        "mm",
+    )
+    following_error_at_rest: float = setting(
+        1.0,
+        "what a carriage may be off at rest; between rest and full speed it grows with the speed",
+        "mm",
+    )
+    lasting_error: float = setting(
+        0.7, "what a carriage may stay off, on the average of a tenth of a second", "mm"
+    )
+    goal_tolerance: float = setting(
+        0.3, "how near the last setpoint all carriages must come for a run to be completed", "mm"
+    )
+    settling_time: float = setting(
+        0.5, "how long after the last setpoint they may take for that", "s"
+    )
+    lag: tuple[float, float, float] = setting(
+        (7e-5, 7e-5, 7e-5),
+        "by how much a carriage trails its setpoint at constant speed, one value or three; "
+        "`duoglide commission` learns it. The defaults are those of the simulated drives",
+        "s",
+    )
+    acceleration_lag: tuple[float, float, float] = setting(
+        (4e-6, 4e-6, 4e-6),
+        "by how many mm it trails for each mm/s^2 of acceleration: 1 / (2 pi f)^2 for a position "
+        "loop of f Hz; likewise",
+        "s^2",
+    )
     following_error_time: float = setting(0.01, "0x6066, how long the window may be left", "s")
     host_id: int = setting(127, "the host's own node number, in its heartbeat; not one of node_ids")
     heartbeat_period: float = setting(
@@ -138,8 +169,18 @@ class DriveSettings:
         self._store(direction=rules.three_whole("direction", direction, -1, 1))
         if 0 in self.direction:
             raise ConfigError(f"direction = {list(self.direction)}: each must be +1 or -1")
-        window = rules.positive("following_error_window", self.following_error_window)
-        self._store(following_error_window=window)
+        self._check_following()
+
+    def _check_following(self) -> None:
+        for key in (
+            *("following_error_window", "following_error_at_rest"),
+            *("lasting_error", "goal_tolerance", "settling_time"),
+        ):
+            unit = unit_of(DriveSettings, key)
+            self._store(**{key: rules.positive(key, getattr(self, key), unit)})
+        for key in ("lag", "acceleration_lag"):
+            unit = unit_of(DriveSettings, key)
+            self._store(**{key: rules.any_per_carriage(key, getattr(self, key), unit)})
 
     def _check_times(self) -> None:
         for key, low, high in (

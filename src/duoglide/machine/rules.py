@@ -102,11 +102,16 @@ def triple(key: str, value: object, unit: str = "mm") -> tuple[float, float, flo
     return float(array[0]), float(array[1]), float(array[2])
 
 
-def per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
-    """Return one positive value per carriage, from one number or three, or raise ConfigError."""
+def any_per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
+    """Return one value per carriage, from one number or three, or raise ConfigError."""
     array = isinstance(value, np.ndarray) and value.ndim > 0
     scalar = not array and (not isinstance(value, Sequence) or isinstance(value, str))
-    values = triple(key, [value] * 3 if scalar else value, unit)
+    return triple(key, [value] * 3 if scalar else value, unit)
+
+
+def per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
+    """Return one positive value per carriage, from one number or three, or raise ConfigError."""
+    values = any_per_carriage(key, value, unit)
     if min(values) <= 0.0:
         raise ConfigError(f"{key} = {value!r:.80}: every value must be above 0 [{unit}]")
     return values

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
 from duoglide.control.channel.events import Condition, Happening, Trip
-from duoglide.control.channel.orders import Assignment, Policy, StreamSettings
+from duoglide.control.channel.orders import Assignment, Policy, StreamSettings, TrailRule
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.process import StreamerProcess
 from duoglide.drives import pdo
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from duoglide.control.channel.ring import EventEntry
 
 HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
+DEPARTURE = 0.2  # [mm] from which on a setpoint counts as lost
 _LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
 
 
@@ -165,13 +166,9 @@ def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
 def describe_stream(machine: Machine) -> StreamSettings:
     """Return what the streamer has to know of a machine."""
     drives = machine.drives
-    window = drives.following_error_window
-    first, second, third = (
-        Scale.of(drives, number).magnitude(window) for number in range(1, AXES + 1)
-    )
+    first, second, third = (_trail_rule(machine, index) for index in range(AXES))
     policy = Policy(
         heartbeat=math.ceil(drives.heartbeat_timeout / drives.cycle),
-        following=(first, second, third),
         host=math.ceil(HOST_PATIENCE / drives.cycle),
         missing=drives.missing_frames + 1,
         silence=drives.missing_frames + 1,
@@ -185,6 +182,27 @@ def describe_stream(machine: Machine) -> StreamSettings:
         policy=policy,
         inputs=_has_all(drives, pdo.TPDO2_MAPPING),
         outputs=_has_all(drives, pdo.RPDO2_MAPPING),
+        trails=(first, second, third),
+        settling=math.ceil(drives.settling_time / drives.cycle),
+    )
+
+
+def _trail_rule(machine: Machine, index: int) -> TrailRule:
+    """Return how one carriage trails its setpoints, and how far it may be off."""
+    drives = machine.drives
+    scale = Scale.of(drives, index + 1)
+    window = scale.magnitude(drives.following_error_window)
+    step = float(machine.limits.velocity[index]) * drives.cycle  # in a cycle at full speed [mm]
+    return TrailRule(
+        lag=drives.lag[index] / drives.cycle,
+        bend=drives.acceleration_lag[index] / drives.cycle**2,
+        at_rest=scale.magnitude(drives.following_error_at_rest),
+        growth=window / abs(step * scale.increments_per_mm),
+        window=window,
+        lasting=scale.magnitude(drives.lasting_error),
+        departure=scale.magnitude(DEPARTURE),
+        goal=scale.magnitude(drives.goal_tolerance),
+        mm=abs(scale.to_mm(1)),
     )
 
 
