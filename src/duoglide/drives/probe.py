@@ -62,11 +62,10 @@ class Probed:
 
     def lose(self, item: ContractObject, why: str, sub: int | None = None) -> None:
         """Note what it costs that an object is not as the host needs it."""
-        where = f"0x{item.index:04X}" + ("" if sub is None else f":{sub}")
-        sentence = f"{where} ({item.name}) {why}: {item.cost}"
-        self.costs.append(sentence)
+        where = f"0x{item.index:04X}" + (f":{sub}" if sub else "")
+        self.costs.append(f"{where} ({item.name}) {why}: {item.cost}")
         if item.unsafe:
-            self.unsafe.append(sentence)
+            self.unsafe.append(f"{where} ({item.name})")
 
 
 def probe(drive: DriveObjects, travel: tuple[float, float], speed: float) -> Probed:
@@ -272,7 +271,7 @@ def _look_at_other_pdos(drive: DriveObjects, found: Probed) -> None:
     ]
     if on:
         found.notes.append(
-            f"PDOs that are on at delivery, and that bring-up takes: {', '.join(on)}"
+            f"PDOs that are on at delivery, and that bring-up switches off: {', '.join(on)}"
         )
 
 
