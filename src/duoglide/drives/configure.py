@@ -6,20 +6,26 @@ watchdogs, stops and limits; everything that can be is read back.
 
 from __future__ import annotations
 
+import math
 import time
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
 from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.sdo_client import SdoRefusalError
-from duoglide.errors import ConfigError, DriveTimeout
+from duoglide.errors import ConfigError, DriveTimeout, DuoglideWarning
 from duoglide.machine.drive_contract import answer_to
 
-_PROFILE = 402
+PROFILE_402 = 402  # low word of 0x1000
 _SCAN_PATIENCE = 0.5  # [s]
+_FIRST_ANSWER = 0.1  # how long to wait for one answer of a drive that may still be booting [s]
+_WORTH_TELLING = 1.0  # of waiting [s]
+_SLOW, _LOOKS = 0.03, 3  # an answer that takes as long whenever it is asked for [s]
+_REQUESTS = 150  # of one bring-up, roughly
 _INVALID = 1 << 31  # of a PDO's COB-ID
 # Beside the contract's two, the PDOs that a maker may have on at delivery.
 _OTHER_RPDOS, _OTHER_TPDOS = range(0x1402, 0x1408), range(0x1802, 0x1808)
@@ -29,6 +35,10 @@ _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
 _NOT_THERE = (0x06020000, 0x06090011)  # abort codes: no such object, no such sub-index
 _RAMP_QUICK = 2  # 0x605D, 0x605E: brake at 0x6085
+
+
+class DriveWarning(DuoglideWarning):
+    """A drive keeps its host waiting."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,20 +87,63 @@ def wait_for_boot(drive: DriveObjects) -> None:
     Raises:
         DriveTimeout: Nothing within ``boot_timeout``; says which nodes were heard.
     """
-    deadline = time.monotonic() + drive.settings.boot_timeout
+    if not await_answer(drive):
+        raise no_answer(drive)
+
+
+def await_answer(drive: DriveObjects) -> bool:
+    """Wait until a drive answers at all, and return whether it has within ``boot_timeout``.
+
+    Warns, as ``DriveWarning``, of a drive that keeps its host waiting: once, after a second.
+    """
+    begin = time.monotonic()
+    told, patience = False, drive.settings.boot_timeout
     while True:
         try:
-            drive.read(0x1000, timeout=0.1)
-            return
+            drive.read(0x1000, timeout=_FIRST_ANSWER)
         except DriveTimeout:
-            if time.monotonic() < deadline:
-                continue
-        raise DriveTimeout(
-            f"axis {drive.number}: node {drive.node_id} does not answer for"
-            f" {drive.settings.boot_timeout:g} s; {_who_answers(drive)}. Its supply, its node"
-            f" number and its bit rate ({drive.settings.bit_rate} bit/s) are to be checked first",
-            axis=drive.number,
-        )
+            waited = time.monotonic() - begin
+            if waited >= patience:
+                return False
+            if waited > _WORTH_TELLING and not told:
+                told = True
+                warnings.warn(
+                    f"axis {drive.number} (node {drive.node_id}) does not answer yet; it is waited"
+                    f" for, up to drives.boot_timeout = {patience:g} s",
+                    DriveWarning,
+                    stacklevel=2,
+                )
+            continue
+        _tell_if_slow(drive)
+        return True
+
+
+def _tell_if_slow(drive: DriveObjects) -> None:
+    """Warn of a drive that takes long for each answer: its bring-up takes that long many times."""
+    quickest = math.inf
+    for _ in range(_LOOKS):
+        begin = time.monotonic()
+        drive.read(0x1000)
+        quickest = min(quickest, time.monotonic() - begin)
+        if quickest < _SLOW:
+            return
+    warnings.warn(
+        f"axis {drive.number} (node {drive.node_id}) takes {1e3 * quickest:.0f} ms for an answer:"
+        f" bring-up, which asks some {_REQUESTS} times, takes about {_REQUESTS * quickest:.0f} s",
+        DriveWarning,
+        stacklevel=2,
+    )
+
+
+def no_answer(drive: DriveObjects) -> DriveTimeout:
+    """Make the error for a drive that does not answer: it asks who else is on the bus."""
+    return DriveTimeout(
+        f"axis {drive.number}: node {drive.node_id} does not answer for"
+        f" {drive.settings.boot_timeout:g} s; {_who_answers(drive)}. Its supply, its node"
+        f" number and its bit rate ({drive.settings.bit_rate} bit/s) are to be checked first;"
+        " drives.boot_timeout says how long a drive may take",
+        axis=drive.number,
+    )
 
 
 def _who_answers(drive: DriveObjects) -> str:
@@ -116,9 +169,9 @@ def identify(drive: DriveObjects) -> Identity:
             position.
     """
     device_type = drive.read(0x1000)
-    if device_type & 0xFFFF != _PROFILE:
+    if device_type & 0xFFFF != PROFILE_402:
         raise drive.error(
-            f"is no CiA 402 drive: 0x1000 says profile {device_type & 0xFFFF}, not {_PROFILE}"
+            f"is no CiA 402 drive: 0x1000 says profile {device_type & 0xFFFF}, not {PROFILE_402}"
         )
     identity = Identity(
         device_type=device_type,
@@ -185,7 +238,7 @@ def configure(drive: DriveObjects, travel: tuple[float, float] | None, speed: fl
             if drive.has(0x1006):
                 drive.write(0x1006, 0, 0)  # with a cycle set, a drive must not change its counter
             drive.write_checked(0x1019, 0, 0)
-    for index, sub, value in _settings(drive, travel, speed):
+    for index, sub, value in list_settings(drive, travel, speed):
         if drive.has(index):
             with refusals.collected():
                 drive.write_checked(index, sub, value)
@@ -309,7 +362,7 @@ def _write_map(drive: DriveObjects, wanted: PdoMap) -> None:
         )
 
 
-def _settings(
+def list_settings(
     drive: DriveObjects, travel: tuple[float, float] | None, speed: float | None
 ) -> list[tuple[int, int, int]]:
     """Return the objects to write: timing, watchdogs, stops and limits."""
@@ -352,7 +405,8 @@ def _fixed_exponent(drive: DriveObjects) -> int | None:
         kept = drive.read(0x60C2, 2)
         drive.write(0x60C2, 2, _MILLI if kept != _MILLI else kept)
     except SdoRefusalError:
-        return drive.read(0x60C2, 2)
+        with suppress(SdoRefusalError):  # a drive that cannot say it refuses what is written next
+            return drive.read(0x60C2, 2)
     return None
 
 

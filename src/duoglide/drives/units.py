@@ -86,8 +86,8 @@ def _ask(drive: DriveObjects, rate: _Rate, fineness: float) -> _Unit | None:
     unit = _decode(rate.index, value, fineness) if value else None
     if value and unit is None and rate.given is None:
         raise drive.error(
-            f"0x{rate.index:04X} is 0x{value:08X}, a unit that is not known here: give drives.quirks"
-            f" {rate.key}, what one unit of the drive means [{rate.unit}]"
+            f"0x{rate.index:04X} is 0x{value:08X}, a unit that is not known here: give"
+            f" drives.quirks {rate.key}, what one unit of the drive means [{rate.unit}]"
         )
     return unit
 

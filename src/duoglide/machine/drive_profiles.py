@@ -41,7 +41,7 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
                 "setpoint_timer": False,
                 "interlock": "none",
                 "home_object": [0x30B0, 0],
-                "absent": [0x1006, 0x1007, 0x1019, 0x2010, 0x605D, 0x607C],
+                "absent": [0x1006, 0x1007, 0x1019, 0x2010, 0x605D, 0x6066, 0x607C],
             },
             notes=(
                 "Mapping and COB-IDs can only be changed in PRE-OPERATIONAL, which bring-up does.",

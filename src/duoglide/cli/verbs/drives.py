@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from duoglide.cli.console import say
-from duoglide.cli.options import Bus, MachineFile, load_machine
+from duoglide.cli.console import complain, say, say_json, working
+from duoglide.cli.options import Bus, Json, MachineFile, load_machine
 
 if TYPE_CHECKING:
+    from duoglide.drives.probe import Probed
     from duoglide.drives.simulated import SimulatedDrives
     from duoglide.drives.simulation.scenario import Scenario
 
@@ -29,16 +31,36 @@ duoglide drives --bus socketcan:vcan0 --machine cell.toml
 
 duoglide drives --scenario soft_servo_and_a_jam.toml
 """
+_PROBE_HELP = """\
+Read what the drives of a bus have of all that Duoglide asks for, without power.
+
+Prints the drives' tables of the machine file, as TOML on stdout, with what each gap costs in
+comments. The settings that bring-up would write are tried, and what was there is put back; a drive
+under power is refused.
+"""
+_PROBE_EXAMPLE = """\
+Examples:
+
+duoglide drives probe --bus socketcan:can0 > drives.toml
+
+duoglide drives probe --bus socketcan:can0 --node 5
+
+duoglide drives probe --eds maker.eds
+"""
 _LOOK = 0.5  # [s] between two looks whether they still run
 _WATCH = 0.02  # [s] the same, as long as a fault is to come
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("drives", help=_HELP, epilog=_EXAMPLE)(drives)
+    group = typer.Typer(invoke_without_command=True, help=_HELP, epilog=_EXAMPLE)
+    group.callback()(drives)
+    group.command("probe", help=_PROBE_HELP, epilog=_PROBE_EXAMPLE)(probe)
+    app.add_typer(group, name="drives")
 
 
 def drives(
+    context: typer.Context,
     bus: Bus = "virtual",
     machine: MachineFile = None,
     scenario: Annotated[
@@ -51,6 +73,8 @@ def drives(
     ] = None,
 ) -> None:
     """Run three simulated CiA 402 drives for somebody else to move; Ctrl-C or SIGTERM ends them."""
+    if context.invoked_subcommand is not None:
+        return
     described = load_machine(machine)
     from duoglide.drives.simulated import SimulatedDrives
     from duoglide.drives.simulation.scenario import Scenario
@@ -65,6 +89,50 @@ def drives(
             _run(running, play)
     except KeyboardInterrupt:
         say("ended")
+
+
+def probe(
+    bus: Bus = "virtual",
+    machine: MachineFile = None,
+    node: Annotated[
+        int | None,
+        typer.Option("--node", min=1, max=127, help="Only the drive with this node number."),
+    ] = None,
+    eds: Annotated[
+        Path | None,
+        typer.Option(
+            "--eds", metavar="FILE", help="A maker's dictionary (EDS, DCF) instead of a bus."
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Read what the drives of a bus have of all that Duoglide asks for, without power."""
+    described = load_machine(machine)
+    from duoglide.control.host.commission import probe_dictionary, probe_drives
+    from duoglide.drives.probe_text import tables
+
+    if eds is not None:
+        found: tuple[Probed, ...] = (probe_dictionary(described, eds, node),)
+        source = f"dictionary {eds.name}"
+    else:
+        with working("probing"):
+            found = probe_drives(described, bus, node)
+        source = f"bus {bus}"
+    text = tables(found, described.drives, source)
+    unusable = [f"{_name(one)}: {why}" for one in found for why in one.refusals]
+    if as_json:
+        numbers = {"toml": text, "drives": [asdict(one) for one in found]}
+        say_json("drives", numbers, ok=not unusable)
+    else:
+        print(text, end="", flush=True)  # as it is: a terminal must not wrap what is to be pasted
+        for why in unusable:
+            complain(why, 1)
+    if unusable:
+        raise typer.Exit(1)
+
+
+def _name(one: Probed) -> str:
+    return f"node {one.node_id}"
 
 
 def _run(running: SimulatedDrives, play: Scenario) -> None:

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from duoglide.arrays import AXES
 from duoglide.control.host.connection import open_axes
+from duoglide.drives.buses import BusKind, parse_bus
+from duoglide.drives.configure import await_answer, no_answer
+from duoglide.drives.dictionary_drive import DictionaryDrive
+from duoglide.drives.in_parallel import in_parallel
+from duoglide.drives.listen import require_alone
+from duoglide.drives.probe import Probed, probe, settings_for_node
+from duoglide.drives.simulated import SimulatedDrives
 from duoglide.errors import DriveError, InputError
+from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from duoglide.control.channel.scale import Triple
     from duoglide.control.host.robot import Robot
     from duoglide.drives.axis import AxisReport
@@ -91,3 +103,47 @@ def creep(robot: Robot, axis: int, distance: float = 1.0) -> CreepCheck:
     if abs(check.moved[axis - 1] - distance) > _AGREES * abs(distance):
         raise DriveError(f"the feedback does not show the move: {check}", axis=axis)
     return check
+
+
+def probe_drives(machine: Machine, bus: str, node: int | None = None) -> tuple[Probed, ...]:
+    """Find out what the drives of a bus have of all that the host asks for; they keep theirs.
+
+    Args:
+        machine: Whose node numbers, scale, travel and speed to use.
+        bus: Name of the bus; ``virtual`` probes three simulated drives.
+        node: Only this one, whatever the machine's are; None for all three.
+
+    Raises:
+        BusError: The bus cannot be opened, or another host is on it.
+        DriveError: A drive is under power.
+        DriveTimeout: A drive does not answer.
+    """
+    settings = machine.drives if node is None else settings_for_node(machine.drives, node)
+    probed = replace(machine, drives=settings)
+    with ExitStack() as resources:
+        if parse_bus(bus).kind is BusKind.VIRTUAL:
+            start = home_carriages(machine).tolist()
+            bus = resources.enter_context(SimulatedDrives(settings, start)).address
+        else:
+            require_alone(bus, settings)
+        axes = resources.enter_context(open_axes(probed, bus))[: 1 if node is not None else AXES]
+        for axis, answers in zip(axes, in_parallel(axes, await_answer), strict=True):
+            if not answers:
+                raise no_answer(axis)
+        return tuple(in_parallel(axes, lambda axis: probe(axis, *_asked_of(machine, axis.number))))
+
+
+def probe_dictionary(machine: Machine, file: Path, node: int | None = None) -> Probed:
+    """Find out the same from a maker's dictionary alone.
+
+    Raises:
+        ConfigError: No such file, or no dictionary.
+    """
+    settings = machine.drives if node is None else settings_for_node(machine.drives, node)
+    return probe(DictionaryDrive(file, settings, 1), *_asked_of(machine, 1))
+
+
+def _asked_of(machine: Machine, number: int) -> tuple[tuple[float, float], float]:
+    """Return the travel and the greatest speed that bring-up writes into a drive [mm, mm/s]."""
+    travel = machine.geometry.rail_half_length
+    return (-travel, travel), float(machine.stop_limits.velocity[number - 1])

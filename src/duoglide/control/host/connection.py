@@ -17,6 +17,8 @@ from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
 from duoglide.drives.bus_load import require_bus_load
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
+from duoglide.drives.configure import await_answer, no_answer
+from duoglide.drives.in_parallel import in_parallel
 from duoglide.drives.listen import quiet_time, require_alone
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
 from duoglide.drives.scale import Scale
@@ -177,16 +179,19 @@ def _is_bus_failure(event: EventEntry) -> bool:
 def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
     """Identify every drive, then configure every drive, then start them; power stays off.
 
+    The drives are dealt with at the same time: a slow one does not keep the others waiting.
+
     Raises:
-        DriveError: A drive is not what the machine file says, or does not keep what is written.
+        DriveError: Drives are not what the machine file says, or do not keep what is written.
         DriveTimeout: A drive does not answer.
     """
     travel = machine.geometry.rail_half_length
-    for axis in axes:
-        axis.wait_for_boot()
-        axis.identify()
-    for axis, speed in zip(axes, machine.stop_limits.velocity.tolist(), strict=True):
-        axis.configure((-travel, travel), speed)
+    speeds = machine.stop_limits.velocity.tolist()
+    for axis, answers in zip(axes, in_parallel(axes, await_answer), strict=True):
+        if not answers:
+            raise no_answer(axis)
+    in_parallel(axes, Axis.identify)
+    in_parallel(axes, lambda axis: axis.configure((-travel, travel), speeds[axis.number - 1]))
     for axis in axes:
         axis.command(Nmt.START)
 

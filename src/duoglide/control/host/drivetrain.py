@@ -15,15 +15,15 @@ from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
 from duoglide.control.host.connection import Connection, bring_up
 from duoglide.control.host.reference import PositionReference, look_at
-from duoglide.drives.axis import growing_pauses
+from duoglide.drives.axis import Axis, growing_pauses
 from duoglide.drives.cia402 import METHODS_HERE, Mode, State, decode
+from duoglide.drives.in_parallel import in_parallel
 from duoglide.errors import BusError, DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
     from duoglide.arrays import FloatArray
     from duoglide.control.channel.ring import CycleEntry, EventEntry
-    from duoglide.drives.axis import Axis
     from duoglide.machine import Machine
 
 _PATIENCE = 5.0  # [s] for a change of power
@@ -162,9 +162,8 @@ class Drivetrain:
         self._connection.monitor.witness = self._reference
 
     def _bring_up(self, axes: tuple[Axis, ...], heard: bool = False) -> None:
-        for axis in axes:
-            axis.wait_for_boot()
-        seen = [look_at(axis) for axis in axes]
+        in_parallel(axes, Axis.wait_for_boot)
+        seen = in_parallel(axes, look_at)
         bring_up(self.machine, axes)
         standstill = min(axis.ask_standstill() for axis in axes)
         self._connection.process.order(Command.STANDSTILL, 0, standstill)
@@ -221,8 +220,7 @@ class Drivetrain:
             self._listen()
         order = self._connection.process.order
         with self.axes() as axes:
-            for axis in axes:
-                axis.wait_for_boot()
+            in_parallel(axes, Axis.wait_for_boot)
             self._reset_at = self._connection.monitor.mark
             order(Command.FORGET)
             order(Command.POWER, Power.RESET)

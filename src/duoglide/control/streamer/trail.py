@@ -46,7 +46,6 @@ class AxisTrail:
 
     __slots__ = (
         "_bend", "_calm", "_cycles", "_fit", "_lag", "_last", "_mean", "_row", "_usual",
-
         "allowed", "departed", "off", "rule", "worst",
     )  # fmt: skip
 
