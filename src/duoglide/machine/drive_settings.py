@@ -43,6 +43,11 @@ class DriveSettings:
         "which is less than 60 m/s^2 above 71 582 increments per mm",
         "mm/s^2",
     )
+    quick_stop_tolerance: float = setting(
+        0.05,
+        "by which share of 0x6085 a drive may brake harder or more gently than that, 0 to 0.9; "
+        "what brake-safe promises holds for any of them",
+    )
     following_error_window: float = setting(15.0, "0x6065", "mm")
     following_error_time: float = setting(0.01, "0x6066, how long the window may be left", "s")
     host_id: int = setting(127, "the host's own node number, in its heartbeat; not one of node_ids")
@@ -115,6 +120,10 @@ class DriveSettings:
             )
         )
         self._store(quick_stop_deceleration=(first, second, third))
+        tolerance = rules.number("quick_stop_tolerance", self.quick_stop_tolerance)
+        if not 0.0 <= tolerance <= 0.9:
+            raise ConfigError(f"quick_stop_tolerance = {tolerance:g}: must be from 0 to 0.9")
+        self._store(quick_stop_tolerance=tolerance)
         direction: object = self.direction
         if type(direction) is int:  # one for all three, as the other settings allow
             direction = (direction,) * 3
