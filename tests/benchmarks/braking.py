@@ -15,9 +15,9 @@ import numpy as np
 
 import duoglide as dg
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from support.drive_stops import least_clearance, random_stops
+from drive_stops import least_clearance, random_stops
 
 STOPS = 400
 SHARES = np.linspace(0.0, 1.0, 60)

@@ -32,7 +32,7 @@ class TrailFit:
         memory: How many cycles count; older ones fade. 0: all of them.
     """
 
-    __slots__ = ("_keep", "_n", "_r", "_ra", "_rv", "_v", "_va", "_vv", "_a", "_aa")
+    __slots__ = ("_a", "_aa", "_keep", "_n", "_r", "_ra", "_rv", "_v", "_va", "_vv")
 
     def __init__(self, memory: float = 0.0) -> None:
         self._keep = 1.0 - 1.0 / memory if memory else 1.0

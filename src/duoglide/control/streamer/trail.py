@@ -39,7 +39,7 @@ class AxisTrail:
     """
 
     __slots__ = (
-        "_bend", "_calm", "_cycles", "_departure", "_fit", "_lag", "_last", "_mean", 
+        "_bend", "_calm", "_cycles", "_departure", "_fit", "_lag", "_last", "_mean",
         "allowed", "departed", "off", "rule", "worst",
     )  # fmt: skip
 

@@ -51,7 +51,9 @@ def slack(v: float, most_a: float, step: float, d: Any, coast: float) -> float:
 
 
 @compiled
-def spread(blocks: Any, plan: Any, drives: Any, columns: Any, out: Any) -> None:
+def spread(  # noqa: PLR0912, PLR0915 - one loop: numba compiles every function that is called
+    blocks: Any, plan: Any, drives: Any, columns: Any, out: Any
+) -> None:
     """Find which part of the plane of D and S the carriages may reach, and the rails' room.
 
     Every block has ``PARTS`` cells of the instant u at which the first drive leaves the plan. The
@@ -77,8 +79,8 @@ def spread(blocks: Any, plan: Any, drives: Any, columns: Any, out: Any) -> None:
     smin, smax, farthest, nearest, boxes = out
     for b in range(first.size):
         step, base = steps[b], first[b]
-        late = int(ceil(reaction / step - 1e-9))
-        late_coast = int(ceil(max(reaction - coast, 0.0) / step - 1e-9))
+        late = ceil(reaction / step - 1e-9)
+        late_coast = ceil(max(reaction - coast, 0.0) / step - 1e-9)
         nodes = PARTS + late + 1
         loose = np.zeros((nodes, 3))
         for k in range(nodes):

@@ -13,7 +13,7 @@ from duoglide.errors import PathError
 from duoglide.motion.motion import Motion
 from duoglide.planning.braking.blocks import Blocks
 from duoglide.planning.braking.carriage_bounds import CarriageBounds
-from duoglide.planning.braking.certificate import ALLOWED, BrakeReport, brake_report, is_safe
+from duoglide.planning.braking.certificate import BrakeReport, brake_report, is_safe
 from duoglide.planning.compare import whole
 from duoglide.planning.tolerances import NO_CAP
 
@@ -28,7 +28,7 @@ _ROUNDS = 5
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
 _SLOWEST = 0.002  # A share of the speed below which no cap is looked for.
 _HALVINGS = 7  # of the ratio of speeds, in the search for a cap
-_LONGEST = 1000.0  # times the duration of the draft: then it stands nearly still
+_LONGEST = 50.0  # times the duration of the draft: then it stands nearly still
 _SLOWER = 1.1
 _MOST_STRETCHES = 8  # by 1.1, 1.1^2, 1.1^4: 1.1^255 in all
 _BISECTIONS = 1
@@ -117,9 +117,7 @@ def safe_rates(motion: Motion, unsafe: FloatArray) -> FloatArray:
     return low
 
 
-def _slow_down(
-    motion: Motion, report: BrakeReport, longest: float
-) -> tuple[Motion, BrakeReport]:
+def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Motion, BrakeReport]:
     """Stretch the whole of a motion in time until it is brake-safe, or takes ``longest`` [s].
 
     Raises:
