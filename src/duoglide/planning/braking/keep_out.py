@@ -6,7 +6,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.headroom.nearby import Patch, room_on
-from duoglide.planning.braking.blocks import Blocks
+from duoglide.planning.braking.blocks import Blocks, IndexArray
 
 _CUTS = 9  # of a box into halves, at most: three of each side
 _ENOUGH = 1e-9  # mm that make sure
@@ -47,7 +47,7 @@ def keep_out_of(blocks: Blocks) -> FloatArray:
     return least
 
 
-def _halves(owner: FloatArray, boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _halves(owner: IndexArray, boxes: FloatArray) -> tuple[IndexArray, FloatArray]:
     """Cut boxes (n, 3, 2) in two along their longest sides; their owners (n,) with them."""
     rows = np.arange(len(boxes))
     longest = (boxes[..., 1] - boxes[..., 0]).argmax(axis=1)

@@ -47,7 +47,8 @@ def slack(v: float, most_a: float, step: float, d: Any, coast: float) -> float:
     against = max(most_a - d[0], 0.0) * braked
     if abs(v) <= change:  # it may turn round: then it brakes from next to nothing
         against = max(against, (d[1] + most_a) * 2.0 * change / d[0])
-    return step * (against + most_a * coast) + 0.125 * change * step
+    off: float = step * (against + most_a * coast) + 0.125 * change * step
+    return off
 
 
 @compiled

@@ -10,10 +10,12 @@ that is looked at: cut into short ways, each bounded to the second order (``head
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.headroom.nearby import Patch, room_on
 from duoglide.planning.braking.blocks import (
     Footprint,
@@ -21,6 +23,8 @@ from duoglide.planning.braking.blocks import (
     column_width,
     lowest_column,
 )
+
+Points: TypeAlias = tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]  # D and S [mm]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +68,7 @@ class Outline:
         return Patch(_carriages(middle), _carriages(half)[:, None], np.zeros((len(half), 5)))
 
 
-def _ways(start: tuple[FloatArray, FloatArray], end: tuple[FloatArray, FloatArray]) -> FloatArray:
+def _ways(start: Points, end: Points) -> FloatArray:
     """Return straight ways between points, given as D and S of (n,) each, shape (n, 2, 2)."""
     return np.stack([np.stack(start, axis=-1), np.stack(end, axis=-1)], axis=1)
 
@@ -76,7 +80,7 @@ def _carriages(plane: FloatArray) -> FloatArray:
 
 
 def _steps(
-    here: FloatArray, side: FloatArray, other: FloatArray
+    here: BoolArray, side: FloatArray, other: FloatArray
 ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
     """Return where one side of footprints steps between columns; at their ends, to the other side.
 
