@@ -18,7 +18,7 @@ from duoglide.kinematics.headroom import nearby_kernel as _nearby_kernel
 from duoglide.planning.stops import kernel as _stopping_kernel
 compile_ahead.main()
 loops = [
-    _brake_kernel.brake_patches, _carriage_bounds.through_links, _nearby_kernel.swing,
+    _brake_kernel.spread, _carriage_bounds.through_links, _nearby_kernel.swing,
     _stopping_kernel.largest_slopes, _stopping_kernel.through_windows,
 ]
 before = [loop.signatures for loop in loops]

@@ -63,6 +63,11 @@ class DriveSettings:
         "which is less than 60 m/s^2 above 71 582 increments per mm",
         "mm/s^2",
     )
+    quick_stop_tolerance: float = setting(
+        0.05,
+        "by which share of 0x6085 a drive may brake harder or more gently than that, 0 to 0.9; "
+        "what brake-safe promises holds for any of them",
+    )
     following_error_window: float = setting(
         15.0,
         "0x6065, and what a carriage may be off at full speed from where its setpoints and its "
@@ -179,6 +184,10 @@ class DriveSettings:
             )
         )
         self._store(quick_stop_deceleration=(first, second, third))
+        tolerance = rules.number("quick_stop_tolerance", self.quick_stop_tolerance)
+        if not 0.0 <= tolerance <= 0.9:
+            raise ConfigError(f"quick_stop_tolerance = {tolerance:g}: must be from 0 to 0.9")
+        self._store(quick_stop_tolerance=tolerance)
         direction: object = self.direction
         if type(direction) is int:  # one for all three, as the other settings allow
             direction = (direction,) * 3

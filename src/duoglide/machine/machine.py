@@ -59,6 +59,13 @@ class Machine:
     clearance: float = setting(
         2.0, "distance to keep from every singular surface and edge of reach", "mm"
     )
+    reaction_cycles: int = setting(
+        3,
+        "cycles from the moment at which a drive begins to stop by itself until the others react; "
+        "three with this streamer: a SYNC takes the news, the next one sends the setpoint or "
+        "controlword, and that acts at the one after",
+        "cycles",
+    )
     carriage_width: float = setting(
         60.0, "distance that carriages 1 and 2 keep from each other", "mm"
     )
@@ -83,6 +90,8 @@ class Machine:
             if not isinstance(value, kind):
                 raise ConfigError(f"{key} = {value!r:.80}: must be a {kind.__name__}")
         store(self, "clearance", rules.not_negative("clearance", self.clearance))
+        cycles = rules.whole("reaction_cycles", self.reaction_cycles, 0, 100)
+        store(self, "reaction_cycles", cycles)
         store(self, "carriage_width", rules.not_negative("carriage_width", self.carriage_width))
         for key in ("tool_offset", "work_frame"):
             store(self, key, rules.triple(key, getattr(self, key)))

@@ -56,7 +56,7 @@ def ready() -> bool:
             nearby_kernel.swing,
             stop_kernel.largest_slopes,
             stop_kernel.through_windows,
-            brake_kernel.brake_patches,
+            brake_kernel.spread,
         )
     )
 

@@ -7,23 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ruckig
+from drive_stops import random_stops
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.kinematics.headroom.nearby import Patch, room_on, swing_of, with_pairs
+from duoglide.kinematics.headroom.nearby import Patch, swing_of
 from duoglide.kinematics.headroom.room import locate, room
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import StopBounds
-from duoglide.planning.braking.carriage_bounds import CarriageBounds
-from duoglide.planning.braking.cells import BrakeCells, DriveStops
 from duoglide.planning.braking.certificate import brake_report
 from duoglide.planning.transfer.certificate import keeps
 from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
 TABLE = dg.Machine.default().to_dict()["geometry"]
-FAMILIES = ("clearance", "travel", "order", "keep_out")
 ROUNDING = 2e-6  # mm, within which a clearance is known
 FAST = dg.transfer(dg.Machine.default(), (-80, -100, 300), (40, 100, 290), brake_safe=False)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -58,78 +56,17 @@ def random_motion(machine: dg.Machine, rng: np.random.Generator) -> dg.Trajector
     pytest.skip("this geometry leaves hardly any room")
 
 
-def stops_in(cells: BrakeCells, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return carriages on a grid in each cell (n, count^3, 3), and the grid from -1 to 1."""
-    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, count)], indexing="ij"))
-    grid = grid.reshape(3, -1)
-    times = cells.times[:, None] + cells.sides[:, None] * grid.T
-    return cells.carriages_at(times.reshape(-1, 3)).reshape(*times.shape), grid
-
-
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(SEEDS)
-def test_no_brake_of_a_cell_leaves_its_patch_or_has_less_room_than_is_certain(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    motion = random_motion(random_machine(rng), rng)
-    edges = np.linspace(0.0, motion.duration, 13)
-    cells = BrakeCells.cover(CarriageBounds.of(motion), edges, 4)
-    patch = cells.patch()
-    carriages, grid = stops_in(cells, 6)
-    moved = with_pairs(carriages - patch.middle[:, None])
-    ways = with_pairs(patch.ways)
-    straight = sum(ways[:, k, None] * grid[k][:, None] for k in range(3))
-    off = np.abs(moved - straight).max(axis=1)
-    assert np.all(off <= patch.beyond * (1.0 + 1e-9) + 1e-9)
-    found = room(motion.machine, carriages)
-    here, crude = room_on(motion.machine, patch, -np.inf)
-    _, sharp = room_on(motion.machine, patch, float(here.clearance.min()) - 0.5)
-    for family in FAMILIES:
-        least = getattr(found, family).min(axis=1)
-        assert np.all(getattr(crude, family) <= least + ROUNDING)
-        assert np.all(getattr(sharp, family) <= least + ROUNDING)
-
-
-@settings(max_examples=12, deadline=None, derandomize=True)
-@given(SEEDS)
-def test_cells_that_are_cut_cover_the_same_stops(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    motion = FAST
-    cells = BrakeCells.cover(CarriageBounds.of(motion), np.linspace(0.0, motion.duration, 9), 3)
-    rows = np.flatnonzero(rng.random(len(cells)) < 0.3)
-    children = cells.cut(rows, cells.patch())
-    volume = cells.sides.prod(axis=-1)[rows].sum()
-    assert children.sides.prod(axis=-1).sum() == pytest.approx(volume)
-    for row in rows[:3]:
-        for times in cells.times[row] + cells.sides[row] * rng.uniform(-1, 1, (5, 3)):
-            inside = np.all(np.abs(children.times - times) <= children.sides, axis=-1)
-            assert inside.any()
-
-
-def test_a_plan_is_cut_until_all_of_its_parts_have_bounds() -> None:
-    path = dg.pick_and_place((-80, -100, 300), (40, 100, 290), lift=15.0, tolerance=3.0)
-    motion = dg.plan(dg.Machine.default(), path, brake_safe=False)
-    bounds, whole = CarriageBounds.of(motion), np.array([0.0, motion.duration])
-    assert np.isinf(bounds.within(whole[:1], whole[1:])[0]).any()
-    cells = BrakeCells.cover(bounds, whole, 2)
-    assert np.isfinite(cells.times).all()
-    assert np.isfinite(cells.columns.most_a).all()
-    assert 2.0 * cells.columns.half.sum() == pytest.approx(motion.duration)
-
-
-@settings(max_examples=10, deadline=None, derandomize=True)
-@given(SEEDS)
-def test_brute_force_finds_no_less_than_the_report_and_not_much_more(seed: int) -> None:
+def test_brute_force_finds_no_less_than_the_report(seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = random_motion(random_machine(rng), rng)
     report = brake_report(motion)
-    edges = np.linspace(0.0, motion.duration, 41)
-    carriages, _ = stops_in(BrakeCells.cover(CarriageBounds.of(motion), edges, 8), 4)
+    carriages = random_stops(motion, 300, rng).at(motion, np.linspace(0.0, 1.0, 40))
     found = room(motion.machine, carriages)
     assert report.room <= found.least().min() + ROUNDING
-    clearance = float(found.clearance.min()) + motion.machine.clearance
-    assert report.clearance <= clearance + ROUNDING
-    if report.safe:
-        assert report.clearance >= clearance - max(0.1, 0.1 * clearance)
+    assert report.clearance <= float(found.clearance.min()) + motion.machine.clearance + ROUNDING
+    assert report.safe == (len(report.unsafe) == 0)
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
@@ -219,8 +156,7 @@ def test_a_dart_between_two_samples_is_seen() -> None:
     samples = motion.at(np.linspace(0.0, 0.032, 17))
     assert not samples.velocity.any()
     report = brake_report(motion)
-    assert leave < report.time < arrive
-    rows = motion.at(np.linspace(leave, arrive, 400))
-    stops = DriveStops(machine, rows.carriages, rows.velocity, np.full(400, machine.drives.cycle))
-    found = room(machine, stops.at(np.ones(400)))
+    assert leave - 0.02 < report.time < arrive
+    stops = random_stops(motion, 2000, np.random.default_rng(1))
+    found = room(machine, stops.at(motion, np.linspace(0.0, 1.0, 9)))
     assert report.clearance <= found.clearance.min() + machine.clearance < 60.0

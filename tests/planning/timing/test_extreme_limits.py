@@ -63,5 +63,6 @@ def test_what_holds_back_a_machine_without_limits_are_the_brakes_alone() -> None
     plan = _plan(1e6, 1e9, 1e12, brake_safe=True)
     assert brake_report(plan).safe
     assert plan.audit().worst <= 1.0005
-    # from 9.3 m/s a brake would take the whole length of a rail
-    assert 365.0 / 9.3e3 < plan.duration < 0.13
+    # From 9.3 m/s a brake would take the whole length of a rail; and within the reaction time no
+    # carriage may get as far ahead of another as would part the links.
+    assert 365.0 / 9.3e3 < plan.duration < 0.6

@@ -1,14 +1,18 @@
-"""Brake safety: whenever every drive brakes by itself, reach and clearance must be kept.
+"""Brake safety: whichever drives begin to brake by themselves, and whenever the others follow.
 
-If the host dies, each drive goes on for at most one cycle at the velocity of its last setpoint (it
-bridges one lost setpoint) and then brakes at its own quick-stop deceleration (0x6085). The
-carriages stop at different times, so the platform leaves its path. Where it then goes depends on
-where the drives begin to brake and how fast the carriages are, not on how the plan would have gone
-on: so each point of the path has its largest safe speed.
+A drive that faults, or loses its host, leaves the plan and brakes at its own deceleration (0x6085,
+within ``drives.quick_stop_tolerance``), at once or after it has gone on for a cycle at its last
+velocity, as it does where a setpoint is missing. The others go on along the plan until they react,
+each at a time of its own within ``machine.reaction_cycles``. The platform leaves its path, and
+wherever it goes the machine's clearance, travel, order and keep-out boxes must be kept.
 
-The report is a certificate: stops between two samples are bounded, not guessed. Cells of (instant
-of the last setpoint, time until all brake, time since) are cut until the room that each is certain
-to keep is enough, and near the least room of all samples.
+The report is a certificate: every subset of the drives, all times and all decelerations between
+their bounds are covered, and nothing rests on samples. In each cell of (instant at which the first
+drive leaves the plan, time since) every carriage is in an interval of its own, whatever the others
+do (``kernel``); where all of these may take the platform is bounded together (``outline``).
+
+Not covered is a carriage that stops harder than its drive brakes: one that jams, or that a holding
+brake catches, stands at once. Nor is a drive that coasts without torque.
 """
 
 from __future__ import annotations
@@ -17,55 +21,40 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
-from duoglide.kinematics.headroom.nearby import room_on
-from duoglide.kinematics.headroom.room import Room, locate, room
-from duoglide.machine import Machine
+from duoglide.arrays import BoolArray, FloatArray
+from duoglide.kinematics.headroom.room import locate
 from duoglide.motion.motion import Motion
+from duoglide.planning.braking.blocks import Blocks, Footprint
 from duoglide.planning.braking.carriage_bounds import CarriageBounds
-from duoglide.planning.braking.cells import PARTS, BrakeCells, DriveStops
-from duoglide.planning.compare import first_least, whole
-from duoglide.planning.tolerances import CHUNK, NANOMETRE
-
-__all__ = ["ALLOWED", "BrakeReport", "DriveStops", "brake_report"]
+from duoglide.planning.braking.keep_out import keep_out_of
+from duoglide.planning.braking.outline import clearance_of
 
 ALLOWED = 1e-3  # mm that rounding and bounding may take from what the machine asks for
-_CELL = 0.004  # s of the plan, at the least
-_STEP = 1.0 / 16.0  # A cell may be as long as a carriage takes for this share of a leg's length.
-_FEWEST = 8
-_PHASES = 3  # The time from the start of a stop to standstill is cut into so many cells.
-_SHARP = 0.02  # The least clearance is found to this share of it.
-_SMALL = 1.0 / 160.0  # Below this share of a leg's length, a clearance is found no more sharply.
-_DESCENTS = 3
-_AROUND = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)], indexing="ij"), axis=-1).reshape(
-    -1, 3
-)
-_BLUNT = 1.0 / 320.0  # Where the plan is not safe anyway, this share of a leg's length is enough.
-_MOST = 200_000  # cells that are looked at in one chunk
-_PATIENT = 60_000  # After so many cells, only whether all is kept still counts.
+_CHUNK = 256  # blocks that are looked at together
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrakeReport:
-    """What happens at the worst when every drive brakes by itself.
+    """What happens at the worst when drives brake by themselves.
 
     Attributes:
         clearance: Least distance to a singular surface or edge of reach while braking [mm]: a lower
-            bound, certain between samples too; -inf where the links come apart.
+            bound, certain between samples too; -inf where the links may come apart.
         room: Least of what is left of clearance, travel, order and keep-out distance [mm], a lower
             bound as well.
         quantity: Of which of them that is.
-        time: When the worst stop that was seen begins [s].
-        after: How long after that its least room is reached [s].
-        position: Where the platform is then [mm]; NaN where the links come apart.
+        time: Path time at which the worst stop begins, about [s].
+        position: Where the platform is at the worst, about [mm]; NaN where that is not known.
+        unsafe: Parts of path time in which a stop may begin that does not keep everything [s],
+            shape (n, 2).
     """
 
     clearance: float
     room: float
     quantity: str
     time: float
-    after: float
     position: tuple[float, float, float]
+    unsafe: FloatArray
 
     @property
     def safe(self) -> bool:
@@ -74,124 +63,108 @@ class BrakeReport:
 
 
 def brake_report(motion: Motion) -> BrakeReport:
-    """Bound the room at every instant of every drive stop out of every instant of ``motion``.
+    """Bound the room at every instant of every drive stop out of every instant of ``motion``."""
+    blocks = Blocks.cover(CarriageBounds.of(motion))
+    worst = _Worst(motion)
+    for begin in range(0, len(blocks), _CHUNK):
+        worst.look(blocks[begin : begin + _CHUNK])
+    return worst.report()
 
-    In a safe plan, the bounds are within 2 % of the clearance of the truth, or 1/8000 of the leg's
-    length if that is more; right beside a singularity, where that would take very many cells, they
-    say only that all is kept. A plan for which not even that is found out counts as unsafe.
+
+QUANTITIES = ("clearance", "travel", "order", "keep_out")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Left:
+    """What is left in blocks of a plan.
+
+    Attributes:
+        amounts: Lower bounds in the order of ``QUANTITIES`` [mm], shape (4, n).
+        plane: D and S where the clearance is least [mm], shape (n, 2).
     """
-    duration = motion.duration
-    speeds = np.abs(motion.at(np.linspace(0.0, duration, 101)).velocity)
-    step = _STEP * motion.machine.geometry.leg_length
-    longest = max(_CELL, step / max(float(speeds.max()), 1e-300))
-    count = max(_FEWEST, whole(duration / longest))
-    edges = np.linspace(0.0, duration, count + 1)
-    bounds = CarriageBounds.of(motion)
-    search = _Search(motion.machine)
-    for begin in range(0, count, CHUNK):
-        search.look(BrakeCells.cover(bounds, edges[begin : begin + CHUNK + 1], _PHASES))
-    return search.report()
+
+    amounts: FloatArray
+    plane: FloatArray
+
+    @property
+    def least(self) -> FloatArray:
+        """The least of them, shape (n,)."""
+        least: FloatArray = self.amounts.min(axis=0)
+        return least
+
+    def __getitem__(self, rows: BoolArray) -> Left:
+        return Left(self.amounts[:, rows], self.plane[rows])
 
 
-class _Search:
-    """Looks for the least room: what samples have, and what is certain.
+def left_in(prints: Footprint, keep_out: FloatArray) -> Left:
+    """Bound what is left in each of some footprints (n,), given what is of keep-out boxes."""
+    clear, plane = clearance_of(prints, 0.0)
+    return Left(np.stack([clear, *prints.rails(), keep_out]), plane)
+
+
+def is_safe(blocks: Blocks) -> BoolArray:
+    """Tell which blocks keep everything for certain, without cutting them, shape (n,)."""
+    return np.asarray(left_in(blocks.footprint(), keep_out_of(blocks)).least > -ALLOWED)
+
+
+class _Worst:
+    """Looks for the least room.
 
     Args:
-        machine: Whose drives stop.
+        motion: Whose drives stop.
     """
 
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-        self._size = machine.geometry.leg_length  # of the machine: what all resolution is part of
-        self._seen = self._seen_clear = np.inf  # least room, and room of clearance, of all samples
-        self._sure = self._sure_clear = np.inf  # the same, certain for all cells that were closed
-        self._quantity, self._time, self._after = "clearance", 0.0, 0.0
+    def __init__(self, motion: Motion) -> None:
+        self._motion = motion
+        self._least = dict.fromkeys(QUANTITIES, np.inf)
+        self._room, self._quantity, self._time = np.inf, QUANTITIES[0], 0.0
         self._position = (np.nan, np.nan, np.nan)
-        self._patient = True  # whether there is time for more than whether it is safe
+        self._unsafe: list[FloatArray] = []
 
-    def look(self, cells: BrakeCells) -> None:
-        """Cut cells until each is certain to have about the least room that was seen, or more."""
-        left = _MOST
-        self._patient = True
-        while len(cells) and self._seen > -np.inf:
-            left -= len(cells)
-            patch = cells.patch()
-            here, lowest = room_on(self._machine, patch, self._clear_enough())
-            self._note(here, cells.times, patch.middle)
-            if left + len(cells) == _MOST:
-                self._descend(cells, int(first_least(here.clearance)))
-            least, clear = (
-                np.where(np.isnan(v), -np.inf, v) for v in (lowest.least(), lowest.clearance)
-            )
-            open_ = (least < self._enough()) | (clear < self._clear_enough())
-            spent = _MOST - left + PARTS * int(open_.sum())
-            self._patient = spent < _PATIENT
-            if spent < (_MOST if self._seen > -ALLOWED else _PATIENT):
-                open_ &= ~(patch.reach()[:, :3].max(axis=-1) <= NANOMETRE)
-            else:
-                open_[:] = False
-            self._sure = min(self._sure, float(least[~open_].min(initial=np.inf)))
-            self._sure_clear = min(self._sure_clear, float(clear[~open_].min(initial=np.inf)))
-            cells = cells.cut(np.flatnonzero(open_), patch)
+    def look(self, blocks: Blocks) -> None:
+        """Look at all blocks at once; where that is not enough at each, and cut those that fail."""
+        prints, keep_out = blocks.footprint(), keep_out_of(blocks)
+        together = left_in(prints.merged(), keep_out.min(keepdims=True))
+        if together.least[0] > -ALLOWED:
+            self._note(together, np.array([blocks.start[prints.nearest_to(together.plane[0])]]))
+            return
+        left = left_in(prints, keep_out)
+        open_ = left.least <= -ALLOWED
+        again = open_ & blocks.may_be_cut()
+        if not again.all():
+            self._note(left[~again], blocks.start[~again])
+        over = open_ & ~again
+        self._unsafe.append(np.stack([blocks.start[over], blocks.end[over]], axis=-1))
+        if again.any():
+            self.look(blocks[again].cut())
+
+    def _note(self, left: Left, times: FloatArray) -> None:
+        """Remember the worst; ``times`` are those at which the stops begin [s], shape (n,)."""
+        for quantity, amounts in zip(QUANTITIES, left.amounts, strict=True):
+            self._least[quantity] = min(self._least[quantity], float(amounts.min()))
+        index = int(np.argmin(left.least))
+        if left.least[index] < self._room:
+            self._room = float(left.least[index])
+            self._quantity = QUANTITIES[int(np.argmin(left.amounts[:, index]))]
+            self._time = float(times[index])
+            self._position = self._place(left.plane[index])
+
+    def _place(self, plane: FloatArray) -> tuple[float, float, float]:
+        """Return where the platform is at D and S, as far along the rails as at the time noted."""
+        y = float(self._motion.position_at(self._time)[1])
+        D, S = plane.tolist()
+        position, _ = locate(self._motion.machine, np.array([y - D / 2, y + D / 2, y - S / 2]))
+        here, along, up = position.tolist()
+        return here, along, up
 
     def report(self) -> BrakeReport:
         """Say what was found."""
-        apart = self._seen == -np.inf
-        clear = -np.inf if apart else self._sure_clear + self._machine.clearance
+        unsafe = np.concatenate(self._unsafe) if self._unsafe else np.zeros((0, 2))
         return BrakeReport(
-            clearance=clear,
-            room=min(self._seen, self._sure),
+            clearance=self._least["clearance"] + self._motion.machine.clearance,
+            room=self._room,
             quantity=self._quantity,
             time=self._time,
-            after=self._after,
             position=self._position,
+            unsafe=unsafe[np.argsort(unsafe[:, 0])],
         )
-
-    def _note(self, here: Room, times: FloatArray, carriages: FloatArray) -> None:
-        """Remember the worst sample.
-
-        Args:
-            here: Room of samples.
-            times: When their stops begin, and since when, in two parts, shape (n, 3).
-            carriages: Where they are, shape (n, 3).
-        """
-        index, quantity, amount = here.worst()
-        self._seen_clear = min(self._seen_clear, float(here.clearance.min()))
-        if amount < self._seen:
-            self._seen, self._quantity = amount, quantity
-            self._time, self._after = float(times[index, 0]), float(times[index, 1:].sum())
-            x, y, z = locate(self._machine, carriages[index])[0].tolist()
-            self._position = (x, y, z)
-
-    def _descend(self, cells: BrakeCells, index: int) -> None:
-        """Sample about the middle of a cell, nearer and nearer to where the clearance is least.
-
-        The sooner samples come near the least, the fewer cells have to be cut.
-        """
-        place, step = cells.times[index], cells.sides[index]
-        for _ in range(_DESCENTS):
-            times = cells.within(place + _AROUND * step)
-            carriages = cells.carriages_at(times)
-            here = room(self._machine, carriages)
-            self._note(here, times, carriages)
-            place, step = times[first_least(here.clearance)], 0.4 * step
-
-    def _enough(self) -> float:
-        """Return the room above which a cell is closed."""
-        if self._seen <= -ALLOWED:
-            return self._seen - _BLUNT * self._size
-        return self._just_below(self._seen, self._seen if self._patient else np.inf)
-
-    def _clear_enough(self) -> float:
-        """Return the clearance, beyond what is asked for, above which a cell is closed."""
-        if self._seen <= -ALLOWED:
-            return self._seen - _BLUNT * self._size
-        size = self._seen_clear + self._machine.clearance
-        return self._just_below(self._seen_clear, size if self._patient else np.inf)
-
-    def _just_below(self, seen: float, size: float) -> float:
-        """Return a little less than was seen; still enough, or still allowed, if that was."""
-        if np.isinf(seen):
-            return -np.inf
-        floor = 0.0 if seen >= ALLOWED else min(seen - 0.05 * ALLOWED, -0.9 * ALLOWED)
-        return max(seen - _SHARP * max(size, _SMALL * self._size), floor)

@@ -1,140 +1,138 @@
-"""Where drive stops are in cells, to the second order: one loop, compiled.
+"""Where drives that stop by themselves may take the carriages: one loop over cells, compiled.
 
-G(v, t) is how far a drive goes that has braked for t from the velocity v: see ``braking.cells``.
-Its slope by v is the lesser of t and |v| / d, so that two drives with the same deceleration differ
-by at most that times the difference of their velocities: nothing, along the rails.
+Carriage i leaves the plan at T, goes on for c at the velocity v(T) that it then has, and brakes at
+the deceleration d. At t it is at X = q(T) + v c + G(v, d, t - T - c), where G is how far a carriage
+goes that brakes; before T it is where the plan is. With s the sign of v, a the acceleration of the
+plan and b how long the drive has braked,
+
+    dX/dT = b (d s + a) + a c,    dX/dc = v - v_left,    dX/dt = v_left.
+
+So X runs one way in c, d and t, and in T as long as the plan does not slow down harder than the
+drive: its least and largest values are at the ends of intervals. What it may do besides between two
+nodes of T is bounded by ``slack``.
 """
 
 from __future__ import annotations
 
-from math import inf
-from typing import Any, TypeAlias
+from math import ceil, inf
+from typing import Any
 
 import numpy as np
 
 from duoglide.kinematics.compiled import compiled, inlined
 
-Two: TypeAlias = tuple[float, float]
-Three: TypeAlias = tuple[float, float, float]
-
-BRAKING, RESTING, EITHER = 1, 2, 0
+PARTS = 8  # nodes of a block, without those after it
 
 
 @inlined
-def ramp(v: float, d: float, t: float) -> tuple[float, float, float]:
-    """Return G and its slopes by t and by v, for the deceleration ``d``."""
-    slowing = abs(v) / d
-    braked = min(t, slowing)
-    share = braked / slowing if slowing > 0.0 else 1.0
-    return v * braked * (1.0 - 0.5 * share), v * (1.0 - share), braked
+def way(v: float, d: float, t: float) -> float:
+    """Return how far a drive goes within ``t`` that brakes from ``v`` at the deceleration ``d``."""
+    t = min(max(t, 0.0), abs(v) / d)
+    return v * t - (0.5 * d * t * t if v > 0.0 else -0.5 * d * t * t)
 
 
 @inlined
-def doing_of(speed: float, dv: float, d: float, start: float, end: float) -> int:
-    """Tell what a drive does for sure from ``start`` to ``end`` after it began to brake."""
-    if start >= (speed + dv) / d:
-        return RESTING
-    if end <= (speed - dv) / d:
-        return BRAKING
-    return EITHER
-
-
-@inlined
-def own_bend(doing: int, dv: float, dt: float, d: float) -> float:
-    """Bound what G has beyond its slopes, for velocities within dv and times within dt."""
-    resting, braking = 0.5 * dv * dv / d, dv * dt + 0.5 * d * dt * dt
-    if doing == RESTING:
-        return resting
-    return braking if doing == BRAKING else max(braking, resting)
-
-
-@inlined
-def pair_bend(doing: int, dv: Three, dt: float, d: Two, same_sign: bool) -> float:
-    """Bound the same for the difference of two drives that do the same.
+def slack(v: float, most_a: float, step: float, d: Any, coast: float) -> float:
+    """Bound how far X leaves the interval between its values at nodes, in T and in t.
 
     Args:
-        doing: What both do.
-        dv: How far each velocity may be from the middle's, and how far their difference.
-        dt: How far the time may be.
-        d: Both decelerations.
-        same_sign: Whether both surely go the same way.
+        v: At the node.
+        most_a: Bound on the acceleration from this node to the next.
+        step: Between the two.
+        d: Least and largest deceleration.
+        coast: How long a drive may go on at its last velocity.
     """
-    (one, other, pair), (d_one, d_other) = dv, d
-    turn = abs(d_one - d_other) if same_sign else d_one + d_other
-    if doing == BRAKING:
-        return pair * dt + 0.5 * turn * dt * dt
-    if turn == 0.0:
-        return 0.5 * pair * (one + other) / d_one
-    return 0.5 * (one * one / d_one + other * other / d_other)
-
-
-@inlined
-def pair_beyond(p: int, plan: Any, own: Any, times: Any, deceleration: Any) -> float:
-    """Bound what the difference of two carriages has beyond its slopes.
-
-    Args:
-        p: Which: 0 for carriages 1 and 2, 1 for 1 and 3, 2 for 2 and 3.
-        plan: v and a of the column, and its bounds most_a and most_j, B and D included.
-        own: How long each carriage has moved, the velocity it is left with, how far its first one
-            may be off, what its own ramp has beyond its slopes, and what it does, (3,) each.
-        times: c and t in the middle, and half the lengths of u, c and t.
-        deceleration: Of each drive.
-    """
-    (v, a, most_a, most_j), (moved, left, dv, bend, doing) = plan, own
-    coast, t, hu, hc, ht = times
-    i, j = p // 2, 1 + (p + 1) // 2
-    acceleration = most_a[3] if p == 0 else most_a[4] + 0.5 * most_a[3]
-    jerk = most_j[3] if p == 0 else most_j[4] + 0.5 * most_j[3]
-    apart, both = acceleration * hu, bend[i] + bend[j]
-    if doing[i] == doing[j] != EITHER:
-        sure = abs(v[i]) > dv[i] and abs(v[j]) > dv[j] and v[i] * v[j] > 0.0
-        speeds, d_pair = (dv[i], dv[j], apart), (deceleration[i], deceleration[j])
-        both = min(both, pair_bend(doing[i], speeds, ht, d_pair, sure) + apart * hc)
-    if deceleration[i] == deceleration[j]:
-        longer = 2.0 * hc + max(ht, max(dv[i], dv[j]) / deceleration[i])
-        most = abs(v[i] - v[j]) * longer + apart * (coast + hc + t + ht)
-        most += abs(moved[i] * a[i] - moved[j] * a[j]) * hu + abs(left[i] - left[j]) * ht
-        both = min(both, most)
-    together, uneven = min(moved[i], moved[j]) * jerk, abs(moved[i] - moved[j])
-    change = acceleration + together + uneven * max(most_j[i], most_j[j])
-    beyond: float = 0.5 * hu * hu * change + both
-    return beyond
+    change = most_a * step
+    braked = (abs(v) + change) / d[0]
+    against = max(most_a - d[0], 0.0) * braked
+    if abs(v) <= change:  # it may turn round: then it brakes from next to nothing
+        against = max(against, (d[1] + most_a) * 2.0 * change / d[0])
+    off: float = step * (against + most_a * coast) + 0.125 * change * step
+    return off
 
 
 @compiled
-def brake_patches(columns: Any, cells: Any, deceleration: Any, out: Any) -> None:
-    """Find middles, ways and bends of cells.
+def spread(  # noqa: PLR0912, PLR0915 - one loop: numba compiles every function that is called
+    blocks: Any, plan: Any, drives: Any, columns: Any, out: Any
+) -> None:
+    """Find which part of the plane of D and S the carriages may reach, and the rails' room.
+
+    Every block has ``PARTS`` cells of the instant u at which the first drive leaves the plan. The
+    others follow within the reaction time, each at its own T. Every cell of u has cells of the time
+    t. In each, every carriage has an interval of its own; all of these boxes together are covered
+    by one interval of S = yA1 + yA2 - 2 yA3 for each column of D = yA2 - yA1.
 
     Args:
-        columns: Of ``Columns``: half, q, v, a, most_a, most_j.
-        cells: Of ``BrakeCells``: column, middle, half.
-        deceleration: Of each drive [mm/s^2], (3,).
-        out: Arrays of a ``Patch``, to be filled.
+        blocks: First node of each, the time between two nodes [s], and after how many of these
+            everything stands, (n,) each.
+        plan: q, v and the bound on the acceleration up to the next node, (m, 3) each.
+        drives: Reaction time, longest time at the last velocity [s]; least and largest deceleration
+            of each drive, (3, 2).
+        columns: Lowest D, width of a column [mm].
+        out: Least and largest S, (n, k) each; largest |carriage| and least D, (n,) each. Where the
+            legs cannot reach, the least D is -inf. Then the intervals of the carriages in every
+            cell, (n, cells, 3, 2), or no cells, if nobody wants them.
     """
-    half_u, q, v, a, most_a, most_j = columns
-    column, times, half = cells
-    middle, ways, beyond = out
-    moved, left, dv, bend = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    doing, pairs = np.empty(3, dtype=np.int64), np.empty(3)
-    for n in range(column.size):
-        c = column[n]
-        coast, t, hc, ht, hu = times[n, 0], times[n, 1], half[n, 0], half[n, 1], half_u[c]
-        for i in range(3):
-            d = deceleration[i]
-            gone, left[i], braked = ramp(v[c, i], d, t)
-            moved[i], dv[i] = coast + braked, most_a[c, i] * hu
-            middle[n, i] = q[c, i] + v[c, i] * coast + gone
-            ways[n, 0, i] = (v[c, i] + a[c, i] * moved[i]) * hu
-            ways[n, 1, i], ways[n, 2, i] = v[c, i] * hc, left[i] * ht
-            doing[i] = doing_of(abs(v[c, i]), dv[i], d, t - ht, t + ht)
-            bend[i] = own_bend(doing[i], dv[i], ht, d) + dv[i] * hc
-            change = most_a[c, i] + moved[i] * most_j[c, i]
-            beyond[n, i] = 0.5 * hu * hu * change + bend[i]
-        plan = v[c], a[c], most_a[c], most_j[c]
-        own, length = (moved, left, dv, bend, doing), (coast, t, hu, hc, ht)
-        for p in range(3):  # in a loop, for numba compiles a call once for every literal
-            pairs[p] = pair_beyond(p, plan, own, length, deceleration)
-        beyond[n, 3], beyond[n, 4] = pairs[0], 0.5 * (pairs[1] + pairs[2])
-        for i in range(5):
-            if not beyond[n, i] < inf:
-                beyond[n, i] = inf
+    first, steps, rows = blocks
+    q, v, most_a = plan
+    reaction, coast, brakes = drives
+    lowest, width = columns
+    smin, smax, farthest, nearest, boxes = out
+    for b in range(first.size):
+        step, base = steps[b], first[b]
+        late = ceil(reaction / step - 1e-9)
+        late_coast = ceil(max(reaction - coast, 0.0) / step - 1e-9)
+        nodes = PARTS + late + 1
+        loose = np.zeros((nodes, 3))
+        for k in range(nodes):
+            for i in range(3):
+                d = brakes[i, 0], brakes[i, 1]
+                loose[k, i] = slack(v[base + k, i], most_a[base + k, i], step, d, coast)
+        before, after = np.empty((2, nodes, 3, 2)), np.empty((2, nodes, 3, 2))
+        ends, edges, cell = np.empty((2, nodes, 3, 2)), np.empty((3, 2)), 0
+        for n in range(rows[b]):
+            before, after = after, before
+            for k in range(nodes):
+                for i in range(3):
+                    for c in range(2):
+                        if n <= k:
+                            one = other = q[base + n, i]
+                        else:
+                            t, speed = (n - k) * step, v[base + k, i]
+                            gone = min(c * coast, t)
+                            one = other = q[base + k, i] + speed * gone
+                            one += way(speed, brakes[i, 0], t - gone)
+                            other += way(speed, brakes[i, 1], t - gone)
+                        after[c, k, i, 0], after[c, k, i, 1] = min(one, other), max(one, other)
+                        off = loose[k, i]
+                        ends[c, k, i, 0] = min(before[c, k, i, 0], after[c, k, i, 0]) - off
+                        ends[c, k, i, 1] = max(before[c, k, i, 1], after[c, k, i, 1]) + off
+                    ends[1, k, i, 0] = min(ends[0, k, i, 0], ends[1, k, i, 0])
+                    ends[1, k, i, 1] = max(ends[0, k, i, 1], ends[1, k, i, 1])
+            for m in range(min(n, PARTS)):
+                for i in range(3):
+                    least, most = inf, -inf
+                    for k in range(m, m + late + 2):
+                        c = 1 if k <= m + late_coast + 1 else 0
+                        least, most = min(least, ends[c, k, i, 0]), max(most, ends[c, k, i, 1])
+                    edges[i, 0], edges[i, 1] = least, most
+                    farthest[b] = max(farthest[b], -least, most)
+                if cell < boxes.shape[1]:
+                    boxes[b, cell] = edges
+                    cell += 1
+                lo, hi = edges[:, 0], edges[:, 1]
+                dmin, dmax = lo[1] - hi[0], hi[1] - lo[0]
+                nearest[b] = min(nearest[b], dmin)
+                begin, end = np.floor((dmin - lowest) / width), np.floor((dmax - lowest) / width)
+                if not (begin >= 0.0 and end < smin.shape[1]):
+                    nearest[b] = -inf
+                    continue
+                rise, fall = 2.0 * (hi[0] - lo[2]), 2.0 * (hi[1] - lo[2])
+                down, up = 2.0 * (lo[0] - hi[2]), 2.0 * (lo[1] - hi[2])
+                turn, dip = hi[1] - hi[0], lo[1] - lo[0]
+                for j in range(int(begin), int(end) + 1):
+                    left = max(lowest + j * width, dmin)
+                    right = min(left + width, dmax)
+                    peak, pit = min(max(turn, left), right), min(max(dip, left), right)
+                    top, bottom = min(rise + peak, fall - peak), max(down + pit, up - pit)
+                    smin[b, j], smax[b, j] = min(smin[b, j], bottom), max(smax[b, j], top)
