@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.host.fitness import require_fit
+from duoglide.control.host.fitness import machine_that_moves, require_fit
 from duoglide.motion.profile import Profile
 
 
@@ -45,3 +45,14 @@ def test_another_machine_says_which_room_is_left_and_by_how_much(
     assert refusal.value.quantity == quantity
     assert refusal.value.amount is not None
     assert 0.0 < refusal.value.amount < 100.0
+
+
+def test_what_a_file_says_of_its_machine_is_believed_on_simulated_drives_only() -> None:
+    told = dg.Machine(limits=dg.CarriageLimits(jerk=1e9))
+    given = dg.Machine(clearance=3.0)
+    assert machine_that_moves(None, told, "virtual") is told
+    assert machine_that_moves(given, told, "udp:239.0.0.9:43999") is given
+    default = dg.Machine.default()
+    assert machine_that_moves(None, default, "socketcan:can0") == default
+    with pytest.raises(dg.ConfigError, match=r"\(limits\), .*on socketcan:can0, .*--machine FILE"):
+        machine_that_moves(None, told, "socketcan:can0")

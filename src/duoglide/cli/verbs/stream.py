@@ -23,6 +23,10 @@ from duoglide.cli.powered import View, page_beside, require_page, under_power
 _HELP = """\
 Bring up the drives of a bus and stream a plan to them.
 
+The plan is certified again from its curve and its profile, for the machine of --machine. Without
+one, simulated drives are made after the machine in the plan, and any other bus has the default
+machine: a plan for another one is refused there.
+
 Ctrl-C and SIGTERM stop along the path, close the log and switch off. A run that is there
 already is kept unless --force is given.
 """
@@ -60,10 +64,12 @@ def stream(
     factor = override_factor(override)
     require_log(log, reads=(plan, machine), force=force)
     require_page(view)
+    from duoglide.control.host.fitness import machine_that_moves
     from duoglide.planning.trajectory import Trajectory
 
     trajectory = Trajectory.load(plan)
-    described = load_machine(machine) if machine is not None else trajectory.machine
+    given = load_machine(machine) if machine is not None else None
+    described = machine_that_moves(given, trajectory.machine, bus)
     with under_power(described, bus) as robot, page_beside(robot, plan, view):
         report = run_with_progress(robot, trajectory, log=log, approach=approach, override=factor)
     finish("stream", report, log, as_json)
