@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from duoglide.kinematics.model import reachable as reachable
     from duoglide.kinematics.modes import AssemblyMode as AssemblyMode
     from duoglide.kinematics.modes import WorkingMode as WorkingMode
-    from duoglide.kinematics.singularity import Margins as Margins
-    from duoglide.kinematics.singularity import clearance as clearance
-    from duoglide.kinematics.singularity import clearance_gradient as clearance_gradient
-    from duoglide.kinematics.singularity import margins as margins
+    from duoglide.kinematics.singularity.margins import Margins as Margins
+    from duoglide.kinematics.singularity.margins import clearance as clearance
+    from duoglide.kinematics.singularity.margins import clearance_gradient as clearance_gradient
+    from duoglide.kinematics.singularity.margins import margins as margins
     from duoglide.kinematics.solutions import ForwardSolution as ForwardSolution
     from duoglide.kinematics.solutions import InverseSolution as InverseSolution
     from duoglide.kinematics.solutions import forward_all as forward_all
@@ -94,7 +94,7 @@ _HOMES = {
     "kinematics.export": ("to_mjcf",),
     "kinematics.model": ("forward", "inverse", "jacobian", "reachable"),
     "kinematics.modes": ("AssemblyMode", "WorkingMode"),
-    "kinematics.singularity": ("Margins", "clearance", "clearance_gradient", "margins"),
+    "kinematics.singularity.margins": ("Margins", "clearance", "clearance_gradient", "margins"),
     "kinematics.solutions": (
         "ForwardSolution",
         "InverseSolution",

@@ -14,7 +14,7 @@ from math import comb, sqrt
 from typing import Any, TypeAlias
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.constants import PoseConstants
 
 Jet: TypeAlias = tuple[float, float, float, float]  # a value and three derivatives
 ArrayJet: TypeAlias = list[FloatArray]  # values, first derivatives, second, ...
@@ -105,17 +105,17 @@ def _half_of_square(jet: ArrayJet, n: int, first: int = 0) -> FloatArray:
     return total
 
 
-def carriage_jets(x: Jet, y: Jet, z: Jet, k: Constants) -> tuple[Jet, Jet, Jet]:
+def carriage_jets(x: Jet, y: Jet, z: Jet, k: PoseConstants) -> tuple[Jet, Jet, Jet]:
     """Carry a position and three derivatives through the closed form.
 
     Beyond reach, in plain floats, a square root or a quotient fails; compiled, the third derivative
     of carriage 1 or 3 is not finite.
     """
-    cx, base, l6, l2, half, xb, zb, l9, v, w1, w2, w3 = k
-    u, X, Z = x[0] - cx, x[0] - xb, z[0] - zb
+    l6, l2, l9, half, w1, w2, w3 = k.l6, k.l2, k.l9, k.half_l3, k.w1, k.w2, k.w3
+    u, X, Z = x[0] - k.cx, x[0] - k.xb, z[0] - k.zb
     none = (0.0, 0.0, 0.0, 0.0)
-    A = root_jet(v * sqrt((l6 - u) * (l6 + u)), (u, x[1], x[2], x[3]), none)
-    h = (z[0] - base - A[0], z[1] - A[1], z[2] - A[2], z[3] - A[3])
+    A = root_jet(k.v * sqrt((l6 - u) * (l6 + u)), (u, x[1], x[2], x[3]), none)
+    h = (z[0] - k.base - A[0], z[1] - A[1], z[2] - A[2], z[3] - A[3])
     p = root_jet(sqrt((l2 - h[0]) * (l2 + h[0])), h, none)
     across, up = (X, x[1], x[2], x[3]), (Z, z[1], z[2], z[3])
     q = root_jet(sqrt(l9 * l9 - (X * X + Z * Z)), across, up)

@@ -11,7 +11,7 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.errors import LogError
 from duoglide.kinematics.model import forward, reachable
-from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.singularity.margins import clearance
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.picks import count_picks
 from duoglide.planning.trajectory import Trajectory

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from duoglide.drives.buses import BusKind, parse_bus
-from duoglide.errors import ConfigError, DuoglideError, InputError, PathError
+from duoglide.errors import ConfigError, DriveError, DuoglideError, InputError, PathError
 from duoglide.kinematics.model import inverse
 from duoglide.machine import Machine
+from duoglide.motion.path.actions import Dwell, SetOutput
 from duoglide.planning.limit_use import require_limits
 from duoglide.planning.trajectory import Trajectory
 
@@ -77,11 +78,13 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> tuple[Trajectory, L
         PathError: It leaves reach, travel, clearance or free space; says where. Or it jumps, or
             begins or ends in motion, as the parts of a program do.
         LimitError: It asks for more than a limit of this machine.
+        DriveError: It sets outputs of a drive that has none, or waits for inputs of one.
     """
     given: object = trajectory
     if not isinstance(given, Trajectory):
         kind = type(given).__name__
         raise InputError(f"a run needs a Trajectory (of dg.plan or dg.Trajectory.load), got {kind}")
+    _require_lines(trajectory, machine)
     if trajectory.pace is None:
         _require_rests(trajectory)
     _require_geometry(machine, trajectory)
@@ -101,6 +104,22 @@ def measure_limit_use(trajectory: Trajectory, machine: Machine) -> LimitUse:
 def _limit_use(uses: FloatArray) -> LimitUse:
     velocity, acceleration, jerk = (tuple(row) for row in uses.tolist())
     return LimitUse(velocity, acceleration, jerk)
+
+
+def _require_lines(trajectory: Trajectory, machine: Machine) -> None:
+    """Refuse actions on inputs or outputs that a drive does not have."""
+    for time, action in trajectory.actions:
+        if isinstance(action, Dwell):
+            continue
+        sets = isinstance(action, SetOutput)
+        index, name = (0x60FE, "outputs") if sets else (0x60FD, "inputs")
+        if not machine.drives.quirks[action.axis - 1].has(index):
+            raise DriveError(
+                f"the trajectory {'sets' if sets else 'waits for'} bit {action.bit} of axis"
+                f" {action.axis} at {time:.4f} s, and that drive has no digital {name}:"
+                f" 0x{index:04X} is in its drives.quirks absent; use an axis that has them",
+                axis=action.axis,
+            )
 
 
 def _require_rests(trajectory: Trajectory) -> None:

@@ -22,6 +22,7 @@ from duoglide.control.streamer.cycle import Streamer
 from duoglide.control.streamer.link import BusLink
 from duoglide.control.streamer.realtime import become_helper, become_realtime
 from duoglide.drives.buses import open_bus
+from duoglide.drives.pdo import NMT, Nmt, pack_nmt
 from duoglide.errors import BusError, DuoglideError
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.planning.trajectory import Trajectory
@@ -129,6 +130,8 @@ def main(arguments: list[str]) -> int:
         return 2
     try:
         link = BusLink(open_bus(assignment.bus, assignment.bit_rate))
+        # Before the first SYNC: whatever a maker's PDOs would answer or do at a SYNC, they do not.
+        link.send([(NMT, pack_nmt(Nmt.ENTER_PRE_OPERATIONAL, 0))])
     except BusError as error:
         _answer(bulk, error)
         return 1

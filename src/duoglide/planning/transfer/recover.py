@@ -20,7 +20,7 @@ from duoglide.errors import InputError, PathError, SingularityError
 from duoglide.kinematics.headroom.room import TOUCHING, locate, room
 from duoglide.kinematics.home import home_carriages
 from duoglide.kinematics.model import inverse, reachable
-from duoglide.kinematics.singularity import clearance_gradient
+from duoglide.kinematics.singularity.margins import clearance_gradient
 from duoglide.machine import CarriageLimits, Machine
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.segments import show
