@@ -24,6 +24,8 @@ from urllib.parse import urlsplit
 
 _ORDER = "Duoglide-Order"  # a header that a foreign page cannot send without asking first
 _STOPPERS = 4  # threads; one that waits for a program which is stuck holds up no other Stop
+_RATE = 200  # messages a second of one page; a hand on a slider and a turning camera make 120
+_BURST = 0.5  # [s] of such messages may come at once
 _SCRIPT = """
 <script>
 (() => {
@@ -165,7 +167,7 @@ class Door:
             async def ask(connection: Any, request: Any) -> Any:
                 return await self._answer(process_request, connection, request)
 
-            return plain(*args, process_request=ask, **others)
+            return plain(*args, process_request=ask, create_connection=_calm(), **others)
 
         server.serve = guarded  # type: ignore[assignment,misc]
         try:
@@ -201,6 +203,27 @@ class Door:
         except Exception as error:  # whatever it is, the operator must hear of it
             return _response(HTTPStatus.INTERNAL_SERVER_ERROR, f"{type(error).__name__}: {error}")
         return _response(HTTPStatus.OK, "stopped")
+
+
+def _calm() -> Any:
+    """Return a kind of connection that is read no faster than anybody can click and drag.
+
+    What comes faster waits in the sender's own buffers: all pages share one loop, and Stop is
+    answered in it.
+    """
+    from websockets.asyncio.server import ServerConnection
+
+    class Calm(ServerConnection):
+        _due = 0.0
+
+        async def recv(self, decode: bool | None = None) -> Any:
+            message = await super().recv(decode)
+            now = self.loop.time()
+            self._due = max(self._due, now - _BURST) + 1.0 / _RATE
+            await asyncio.sleep(max(self._due - now, 0.0))
+            return message
+
+    return Calm
 
 
 async def _page_of(viser: Any, connection: Any) -> bytes:

@@ -86,12 +86,12 @@ class MachinePanel:
         with window.add_tab("Operator"):
             hold = self._gui.add_button("Hold")
             hold.on_click(lambda _: self._to_run(lambda run: run.hold(), _IDLE))
-            take = self._gui.add_button("Take over", hint="Give the orders from this page")
-            take.on_click(self._take_over)
-            self._owner.allow_all(hold, take)
             self._gui.add_button("Resume").on_click(
                 lambda _: self._to_run(lambda run: run.resume(), _IDLE)
             )
+            take = self._gui.add_button("Take over", hint="Give the orders from this page")
+            take.on_click(self._take_over)
+            self._owner.allow_all(hold, take)
             self._override = self._gui.add_slider("Override [%]", 0, 100, 1, 100)
             self._words = self._gui.add_markdown("Not connected." if self._own else "Live.")
             self._state = self._gui.add_markdown("")

@@ -1,4 +1,4 @@
-"""One page gives the orders, others watch; and none is listened to faster than anybody can click.
+"""One page gives the orders, others watch.
 
 Whoever comes first is the owner; when the owner goes, the next one is. A watcher may hold the
 machine, stop it, look around, and take over.
@@ -7,11 +7,10 @@ machine, stop it, look around, and take over.
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-_RATE = 100  # orders a second of one page that are listened to; a hand on a slider makes 60
+_TOLD = 1.0  # [s] between two times that a page is told why
 _FREE = ("ViewerCameraMessage", "GetRenderResponseMessage")
 _NEVER = ("ShareUrlRequest", "ShareUrlDisconnect")  # nothing of here goes to a public tunnel
 
@@ -30,7 +29,7 @@ class Owner:
         self._refuse, self._clock = refuse, clock
         self._pages: list[int] = []  # the owner first
         self._for_all: set[str] = set()
-        self._second, self._heard = -1, Counter[int]()
+        self._told: dict[int, float] = {}
 
     @property
     def page(self) -> int | None:
@@ -47,6 +46,7 @@ class Owner:
 
     def go(self, page: int) -> None:
         """Note that a page has been closed."""
+        self._told.pop(page, None)
         if page in self._pages:
             self._pages.remove(page)
 
@@ -63,15 +63,11 @@ class Owner:
             return False
         if kind in _FREE:
             return True
-        second = int(self._clock())
-        if second != self._second:
-            self._second, self._heard = second, Counter()
-        self._heard[page] += 1
-        if self._heard[page] > _RATE:
-            return False
         if page == self.page or getattr(message, "uuid", None) in self._for_all:
             return True
-        if self._heard[page] == 1:
+        now = self._clock()
+        if now >= self._told.get(page, now - _TOLD) + _TOLD:
+            self._told[page] = now
             self._refuse(page, "Another page gives the orders. Stop and Hold work; or Take over.")
         return False
 

@@ -140,6 +140,14 @@ def _require_rests(trajectory: Trajectory) -> None:
             quantity="rest",
             amount=float(speed),
         )
+    if not trajectory.ends_at_rest:
+        speed = np.abs(trajectory.at(trajectory.duration).velocity).max()
+        raise PathError(
+            f"the trajectory does not come to rest: at its end a carriage has {speed:.4g} mm/s, and"
+            " nothing takes over",
+            quantity="rest",
+            amount=float(speed),
+        )
 
 
 def _require_geometry(machine: Machine, trajectory: Trajectory) -> None:
