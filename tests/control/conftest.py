@@ -101,9 +101,7 @@ class Bench:
         self._life = 0
         self.number = 0
         values = {"heartbeat": 125, "host": 500, **policy}
-        settings = StreamSettings(
-            machine.drives.node_ids, CYCLE, 127, 25, Policy(**values)
-        )
+        settings = StreamSettings(machine.drives.node_ids, CYCLE, 127, 25, Policy(**values))
         self.streamer = Streamer(self, settings, self, self)
         for drive in self.drives:
             drive.axis.communication(True)

@@ -39,7 +39,7 @@ _HOPELESS = 1e3  # From such a use on, how much it is exactly does not matter.
 _FINEST = 1e-10  # [s]; no cell is cut any further
 _BACKWARDS = 1e-3  # [mm/s] that rounding may leave of a profile that must not go backwards
 _BEYOND = 1e-9  # [mm] by which a profile may end past its curve
-_TORN = (1e-8, 1e-8, 1e-5)  # [mm], and shares of the limits, that may jump where pieces meet
+_TORN = (1e-9, 1e-9, 1e-6)  # [mm], and shares of the limits, that may jump where pieces meet
 _SAME = 1e-9  # [mm] between a knot of the profile and where the curve begins another piece
 
 
