@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -64,8 +65,12 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def browser_page(browser: Any) -> Iterator[Any]:
-    with Page(PATIENT, port=0) as page:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Page(PATIENT, port=0, folder=Path(folder)) as page,
+    ):
         tab = visit(browser, page)
+        tab.folder = Path(folder)
         yield tab
         tab.close()
 
@@ -74,7 +79,7 @@ def visit(browser: Any, page: Page) -> Any:
     tab = browser.new_page(viewport={"width": 1400, "height": 1000})
     tab.set_default_timeout(PATIENCE)
     tab.goto(page.address)
-    tab.get_by_role("button", name="Stop").wait_for()
+    tab.get_by_role("button", name="Hold").wait_for()
     return tab
 
 
@@ -120,9 +125,9 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     wait_for(tab, "the drives have no power yet")
     tab.get_by_role("button", name="Enable and home").click()
     wait_for(tab, "Under power and homed")
-    log = tmp_path / "run.mcap"
+    log = tab.folder / "run.mcap"
     inputs = tab.locator("input:visible")  # bus and log in the panel, override beside Stop
-    inputs.nth(1).fill(str(log))
+    inputs.nth(1).fill("run.mcap")
     override = inputs.last
     override.fill("1")  # slow, so that there is time to hold and to stop
     override.press("Enter")
@@ -137,6 +142,109 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     wait_for(tab, "stopped on the ")  # path, or on the approach to it
     tab.screenshot(path=str(tmp_path / "page.png"))
     assert log.stat().st_size > 1000
+
+
+@pytest.fixture(scope="module")
+def stopping(browser: Any) -> Iterator[tuple[Any, list[float]]]:
+    """A page beside a machine of somebody else, and when it was stopped."""
+    stops: list[float] = []
+    robot: Any = SimpleNamespace(
+        machine=PATIENT, bus="virtual", homed=False, states=(), carriages=(), current_run=None,
+        stop=lambda: stops.append(time.monotonic()),
+    )  # fmt: skip
+    with Page(PATIENT, drives=robot, port=0) as page:
+        tab = visit(browser, page)
+        tab.gui = page._server.gui
+        yield tab, stops
+        tab.close()
+
+
+def stops_by(stopping: tuple[Any, list[float]], act: Callable[[], object]) -> int:
+    """Do something in the browser, and return how often the machine was stopped for it."""
+    tab, stops = stopping
+    before = len(stops)
+    with tab.expect_response(lambda answer: answer.url.endswith("/stop") and answer.ok):
+        act()
+    return len(stops) - before
+
+
+def test_the_button_stops_once(stopping: Any) -> None:
+    tab, _ = stopping
+    assert stops_by(stopping, tab.locator("#duoglide-stop").click) == 1
+
+
+def test_space_stops_while_a_text_has_the_focus_and_is_not_typed(stopping: Any) -> None:
+    tab, _ = stopping
+    open_tab(tab, "Machine")
+    field = tab.locator("input:visible").nth(1)
+    field.fill("run")
+    field.press("End")
+    assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1
+    assert field.input_value() == "run"
+
+
+def test_space_stops_while_a_button_has_the_focus_and_does_not_press_it(stopping: Any) -> None:
+    tab, _ = stopping
+    button = tab.get_by_role("button", name="Hold")
+    button.focus()
+    assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1
+    assert not tab.get_by_text("Nothing runs.").count(), "Hold says that, if it is pressed"
+
+
+def test_stop_and_space_work_under_an_open_dialog(stopping: Any) -> None:
+    tab, _ = stopping
+    with tab.gui.add_modal("Dialog") as dialog:
+        tab.gui.add_text("In the dialog", "")
+    field = tab.get_by_label("In the dialog").or_(tab.locator("[role=dialog] input")).first
+    field.wait_for()
+    tab.wait_for_timeout(500)  # [ms]; it moves in, and takes the focus
+    assert stops_by(stopping, tab.locator("#duoglide-stop").click) == 1
+    assert tab.get_by_role("dialog").count(), "Stop does not answer the dialog"
+    field.focus()
+    assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1
+    dialog.close()
+    tab.get_by_role("dialog").wait_for(state="detached")
+
+
+def test_stop_stays_when_every_panel_is_minimised(stopping: Any) -> None:
+    tab, _ = stopping
+    for minimise in tab.locator(".tabler-icon-minus").all():
+        minimise.click()
+    tab.get_by_role("button", name="Hold").wait_for(state="hidden")
+    assert stops_by(stopping, tab.locator("#duoglide-stop").click) == 1
+    assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1
+
+
+def test_a_stop_that_did_not_arrive_is_told(stopping: Any) -> None:
+    tab, stops = stopping
+    before = len(stops)
+    tab.route("**/stop", lambda route: route.abort())
+    tab.keyboard.press("Space")
+    tab.get_by_text("STOP DID NOT ARRIVE").wait_for()
+    tab.unroute("**/stop")
+    assert len(stops) == before
+    assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1
+    tab.get_by_text("STOP DID NOT ARRIVE").wait_for(state="hidden")
+
+
+def test_there_is_no_button_to_share_with_the_public(stopping: Any) -> None:
+    tab, _ = stopping
+    assert not tab.locator(".tabler-icon-share").count()
+
+
+def test_another_tab_watches_and_takes_over(browser: Any, browser_page: Any) -> None:
+    watcher = browser.new_page(viewport={"width": 1400, "height": 1000})
+    watcher.set_default_timeout(PATIENCE)
+    watcher.goto(browser_page.url)
+    watcher.get_by_role("button", name="Take over").wait_for()
+    open_tab(watcher, "Motion")
+    watcher.get_by_role("button", name="Plan", exact=True).click()
+    wait_for(watcher, "Another page gives the orders. Stop")
+    watcher.get_by_role("button", name="Take over").click()
+    wait_for(watcher, "Another page gives the orders now")
+    watcher.get_by_role("button", name="Plan", exact=True).click()
+    wait_for(watcher, "least clearance")
+    watcher.close()
 
 
 def test_the_override_is_the_one_that_another_page_has_chosen(browser: Any) -> None:

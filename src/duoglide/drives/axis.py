@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from duoglide.drives import pdo, standstill
 from duoglide.drives.cia402 import (
@@ -24,6 +25,7 @@ from duoglide.drives.configure import Identity, configure, identify, wait_for_bo
 from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.scale import RateUnits
 from duoglide.drives.sdo_client import SdoRefusalError
+from duoglide.drives.units import read_units
 from duoglide.errors import DriveFault, DriveTimeout
 from duoglide.machine.drive_contract import answer_to
 from duoglide.machine.drive_quirks import Interlock
@@ -62,6 +64,11 @@ class AxisReport:
 class Axis(DriveObjects):
     """One drive: ``DriveObjects`` and what one does with them."""
 
+    @cached_property
+    def units(self) -> RateUnits:
+        """What its velocities and accelerations mean; asked of the drive at the first use."""
+        return read_units(self)
+
     # -- bring-up -----------------------------------------------------------------------------
 
     def wait_for_boot(self) -> None:
@@ -83,7 +90,7 @@ class Axis(DriveObjects):
         """
         if self.read_state() in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
             self.go_to(State.SWITCH_ON_DISABLED)  # somebody left it under power
-        configure(self, travel, speed)
+        configure(self, self.units, travel, speed)
 
     # -- what it says -------------------------------------------------------------------------
 

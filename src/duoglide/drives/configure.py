@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
 from duoglide.drives.drive_objects import DriveObjects
+from duoglide.drives.scale import RateUnits
 from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import ConfigError, DriveTimeout, DuoglideWarning
 from duoglide.machine.drive_contract import answer_to
@@ -213,11 +214,17 @@ def _name(drive: DriveObjects) -> str:
         return ""
 
 
-def configure(drive: DriveObjects, travel: tuple[float, float] | None, speed: float | None) -> None:
+def configure(
+    drive: DriveObjects,
+    units: RateUnits,
+    travel: tuple[float, float] | None,
+    speed: float | None,
+) -> None:
     """Write everything that a drive must know before it gets power.
 
     Args:
         drive: The drive, without power.
+        units: What its speeds and accelerations mean.
         travel: Software limits, 0x607D [mm]; None leaves those of the drive.
         speed: Greatest one that the host asks for [mm/s]; 0x607F, with room above it, bounds what
             a setpoint that is far off can do. None leaves that of the drive.
@@ -238,7 +245,7 @@ def configure(drive: DriveObjects, travel: tuple[float, float] | None, speed: fl
             if drive.has(0x1006):
                 drive.write(0x1006, 0, 0)  # with a cycle set, a drive must not change its counter
             drive.write_checked(0x1019, 0, 0)
-    for index, sub, value in list_settings(drive, travel, speed):
+    for index, sub, value in list_settings(drive, units, travel, speed):
         if drive.has(index):
             with refusals.collected():
                 drive.write_checked(index, sub, value)
@@ -363,7 +370,10 @@ def _write_map(drive: DriveObjects, wanted: PdoMap) -> None:
 
 
 def list_settings(
-    drive: DriveObjects, travel: tuple[float, float] | None, speed: float | None
+    drive: DriveObjects,
+    units: RateUnits,
+    travel: tuple[float, float] | None,
+    speed: float | None,
 ) -> list[tuple[int, int, int]]:
     """Return the objects to write: timing, watchdogs, stops and limits."""
     settings, quirks, scale = drive.settings, drive.quirks, drive.scale
@@ -384,7 +394,7 @@ def list_settings(
         (0x605E, 0, _RAMP_QUICK),
         (0x6065, 0, scale.magnitude(settings.following_error_window)),
         (0x6066, 0, _milliseconds(settings.following_error_time)),
-        (0x6085, 0, drive.units.ramp(settings.quick_stop_deceleration[drive.number - 1])),
+        (0x6085, 0, units.ramp(settings.quick_stop_deceleration[drive.number - 1])),
     ]
     if quirks.setpoint_timer:
         objects.append((0x1400, 5, _milliseconds(settings.setpoint_patience)))
@@ -392,8 +402,8 @@ def list_settings(
         low, high = sorted(map(scale.to_increments, travel))
         objects += [(0x607D, 1, low), (0x607D, 2, high)]
     if speed is not None:
-        most = drive.units.most_speed  # a bound that cannot be said is set as high as can be
-        objects.append((0x607F, 0, drive.units.speed(min(_SPEED_ROOM * speed, most))))
+        most = units.most_speed  # a bound that cannot be said is set as high as can be
+        objects.append((0x607F, 0, units.speed(min(_SPEED_ROOM * speed, most))))
     return objects
 
 

@@ -5,7 +5,6 @@ Blocking: nothing here may be called from a callback of the bus, and nothing bel
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import can
@@ -14,14 +13,11 @@ from duoglide.drives import pdo
 from duoglide.drives.linear_axis import object_dictionary
 from duoglide.drives.scale import Scale
 from duoglide.drives.sdo_client import SdoClient, SdoRefusalError
-from duoglide.drives.units import read_units
 from duoglide.errors import BusError, DriveError
 from duoglide.machine import DriveSettings
 
 if TYPE_CHECKING:
     import canopen
-
-    from duoglide.drives.scale import RateUnits
 
 
 class DriveObjects:
@@ -44,11 +40,6 @@ class DriveObjects:
         self._sdo = SdoClient(
             network, self.node_id, number, settings.sdo_timeout, settings.sdo_retries
         )
-
-    @cached_property
-    def units(self) -> RateUnits:
-        """What its velocities and accelerations mean; asked of the drive at the first use."""
-        return read_units(self)
 
     def close(self) -> None:
         """Stop listening to the drive; it keeps its state."""

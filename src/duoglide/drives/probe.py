@@ -16,6 +16,7 @@ from duoglide.drives.cia402 import Mode, State, decode
 from duoglide.drives.configure import PROFILE_402, list_settings
 from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.sdo_client import SdoRefusalError
+from duoglide.drives.units import read_units
 from duoglide.errors import DriveError
 from duoglide.machine.drive_contract import CONTRACT, ContractObject, Need, find_object
 from duoglide.machine.drive_profiles import PROFILES
@@ -185,7 +186,7 @@ def _try_settings(
         setpoint_timer=found.quirks.get("setpoint_timer", True),
     )
     refused: set[int] = set()
-    for index, sub, value in list_settings(drive, travel, speed):
+    for index, sub, value in list_settings(drive, read_units(drive), travel, speed):
         if not drive.has(index) or index in refused:
             continue
         abort = _try(drive, index, sub, value)

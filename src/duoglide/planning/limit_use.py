@@ -31,7 +31,7 @@ from duoglide.planning.tolerances import CHUNK
 ALLOWED = 1.001  # use of a limit, as audits allow it
 NAMES = ("velocity", "acceleration", "jerk")
 UNITS = ("mm/s", "mm/s^2", "mm/s^3")
-_SHARP = 1.0005  # times the largest use that was seen, or a limit; a cell below that is closed
+_SHARP = 1.0009  # times the largest use that was seen, or a limit; a cell below that is closed
 _ORDER = 5  # of the highest derivative that is bounded
 _MOST_PARTS = 64  # that a cell is cut into at once
 _MOST_CELLS = 4_000_000
@@ -39,14 +39,15 @@ _HOPELESS = 1e3  # From such a use on, how much it is exactly does not matter.
 _FINEST = 1e-10  # [s]; no cell is cut any further
 _BACKWARDS = 1e-3  # [mm/s] that rounding may leave of a profile that must not go backwards
 _BEYOND = 1e-9  # [mm] by which a profile may end past its curve
-_TORN = (1e-6, 1e-6, 1e-3)  # [mm], and shares of the limits, that may jump where pieces meet
+_TORN = (1e-9, 1e-9, 1e-6)  # [mm], and shares of the limits, that may jump where pieces meet
+_SAME = 1e-9  # [mm] between a knot of the profile and where the curve begins another piece
 
 
 class Worst(NamedTuple):
     """The largest use of a limit.
 
     Attributes:
-        use: 1.0 = at the limit, certain to about 0.05 %.
+        use: 1.0 = at the limit, certain to about 0.09 %.
         time: When [s].
         order: 0 velocity, 1 acceleration, 2 jerk.
         carriage: 0 to 2.
@@ -73,9 +74,10 @@ class Uses:
     times: FloatArray
 
     def worst(self) -> Worst:
-        """Return the largest use of all."""
-        order, carriage = np.unravel_index(int(np.argmax(self.sure)), self.sure.shape)
-        use, time = self.sure[order, carriage], self.times[order, carriage]
+        """Return the largest use that was seen, or, where all seem well, that is not excluded."""
+        table = self.seen if self.seen.max() > ALLOWED else self.sure
+        order, carriage = np.unravel_index(int(np.argmax(table)), table.shape)
+        use, time = table[order, carriage], self.times[order, carriage]
         return Worst(float(use), float(time), int(order), int(carriage))
 
 
@@ -186,7 +188,7 @@ def _cut_at_breaks(motion: Motion) -> FloatArray:
     breaks = _breaks(motion)[1:-1]
     inside = (breaks > profile.knots[0, SIGMA]) & (breaks < profile.end)
     left = np.flatnonzero(inside)
-    times = np.array([profile.time_at(sigma) for sigma in breaks[left].tolist()])
+    times = np.array([_time_at(profile, sigma) for sigma in breaks[left].tolist()])
     if left.size:
         speed, rate = profile.at(times)[:, 1:3, None].swapaxes(0, 1)
         before, after = (motion.path.derivatives(breaks[left], k) for k in (left, left + 1))
@@ -208,6 +210,15 @@ def _cut_at_breaks(motion: Motion) -> FloatArray:
             )
     edges: FloatArray = np.union1d(profile.knots[:, TIME], times)
     return edges
+
+
+def _time_at(profile: Profile, sigma: float) -> float:
+    """Return when ``sigma`` [mm] is reached [s]: at a knot, if rounding alone lies between them."""
+    column = profile.knots[:, SIGMA]
+    near = int(np.searchsorted(column, sigma - _SAME))
+    if abs(column[near] - sigma) <= _SAME:
+        return float(profile.knots[near, TIME])
+    return profile.time_at(sigma)
 
 
 class _Search:
@@ -233,15 +244,16 @@ class _Search:
         middle = evaluate(profile.polynomials[row], 0.5 * (low + high))[:, 0]
         piece = np.searchsorted(self._breaks[1:-1], middle, side="right")
         while row.size:
-            bound = self._bound(row, piece, low, high)
-            excess = (bound / np.maximum(self.seen, 1.0)).max(axis=(1, 2))
-            open_ = (excess > _SHARP) & (high - low > _FINEST)
-            self.sure = np.maximum(self.sure, bound[~open_].max(axis=0, initial=0.0))
-            with np.errstate(invalid="ignore"):
-                parts = np.ceil(np.sqrt(excess[open_] / (_SHARP - 1.0)))
-            parts = np.nan_to_num(np.clip(parts, 2, _MOST_PARTS), nan=_MOST_PARTS).astype(np.intp)
-            if self.seen.max() > _HOPELESS:
-                break
+            ends, bow = self._bound(row, piece, low, high)
+            enough = _SHARP * np.maximum(self.seen, 1.0)
+            open_ = (ends + bow > enough).any(axis=(1, 2)) & (high - low > _FINEST)
+            open_ &= self.seen.max() < _HOPELESS
+            self.sure = np.maximum(self.sure, (ends + bow)[~open_].max(axis=0, initial=0.0))
+            room = np.maximum(enough - ends[open_], 1.0 - 1.0 / _SHARP)
+            parts = np.clip(
+                np.sqrt(bow[open_] / room).max(axis=(1, 2), initial=0.0), 1, _MOST_PARTS
+            )
+            parts = np.ceil(parts).astype(np.intp) + 1
             if parts.sum() > _MOST_CELLS:
                 raise LimitError(
                     "the motion is too rough for its use of the limits to be certified"
@@ -252,8 +264,11 @@ class _Search:
 
     def _bound(
         self, row: NDArray[np.intp], piece: NDArray[np.intp], low: FloatArray, high: FloatArray
-    ) -> FloatArray:
-        """Bound the use of every limit in cells, and remember that at their ends, (n, 3, 3)."""
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the use of every limit at the ends of cells, and how much it may be more between.
+
+        Each has shape (n, 3, 3).
+        """
         c, h = self._motion.profile.polynomials[row], high - low
         along = [evaluate(c, u) for u in (low, 0.5 * (low + high), high)]
         ends = np.maximum(
@@ -261,8 +276,7 @@ class _Search:
         )
         rates = _profile_bounds(c, low, high, along[0], along[2])
         most = self._carriage_bounds(along[1][:, 0], piece, rates, 0.5 * h)
-        bound: FloatArray = ends + (h * h / 8.0)[:, None, None] * most[:, 2:] / self._limits
-        return bound
+        return ends, (h * h / 8.0)[:, None, None] * most[:, 2:] / self._limits
 
     def _uses(
         self, along: FloatArray, piece: NDArray[np.intp], row: NDArray[np.intp], u: FloatArray

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import as_number
+from duoglide.control.host.fitness import machine_that_moves
 from duoglide.errors import InputError, LogError
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
@@ -49,7 +50,8 @@ def replay(
 
     Args:
         run: The run's log.
-        machine: Who shall follow it; default: the machine of the log.
+        machine: Who shall follow it; left out, the machine of the log on the virtual bus, and the
+            default machine on any other.
         bus: Name of the bus.
         log: Where to record the new run; None: nowhere.
         approach: Whether to make a planned, checked approach where the machine is not at the
@@ -60,13 +62,15 @@ def replay(
 
     Raises:
         InputError: An override that is no such share, or no path for a log.
+        ConfigError: No machine is given for a bus with drives of somebody else, and the log is of
+            another one than the default machine.
         LogError: The log cannot be read, or does not hold a run that can be replayed.
         PathError: The machine cannot follow the path; says where, what and by how much.
         LimitError: The motion is too quick for the machine; says what would do.
         BusError: No such bus.
         DriveError: A drive refuses; also where the machine is not at the start of the run.
     """
-    again = prepare(run, machine, log=log, approach=approach, override=override)
+    again = prepare(run, machine, bus=bus, log=log, approach=approach, override=override)
     from duoglide.control.host.robot import Robot
 
     with Robot.connect(again.machine, bus=bus) as robot:
@@ -80,6 +84,7 @@ def prepare(
     run: str | Path,
     machine: Machine | None = None,
     *,
+    bus: str = "virtual",
     log: str | Path | None = None,
     approach: bool = False,
     override: float | None = None,
@@ -93,7 +98,7 @@ def prepare(
         raise LogError(f"{source}: the new log must not take the place of the run that is replayed")
     recording = read_log(source)
     recorded = rebuild(recording)
-    described = machine if machine is not None else recorded.plan.machine
+    described = machine_that_moves(machine, recorded.plan.machine, bus)
     share = 1.0 if override is None else require_share(override)
     motion = recorded.motion if override is None else slowed(recorded.plan, share)
     if motion.pace is not None:  # of this run, or of one that it replayed

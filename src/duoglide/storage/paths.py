@@ -27,6 +27,28 @@ def numbered(path: Path) -> Path:
     return free
 
 
+def inside(folder: Path, name: str) -> Path:
+    """Return the file of a name that is given by a page, if it is below a folder.
+
+    Args:
+        folder: What may be read and written.
+        name: Relative to it.
+
+    Raises:
+        InputError: Nothing, or something that leads out of the folder, by a link perhaps.
+    """
+    text = name.strip()
+    if not text or "\0" in text:
+        raise InputError(f"{name!r:.80} is no name of a file")
+    try:
+        file = (folder / text).resolve()
+    except (OSError, RuntimeError) as error:  # a circle of links
+        raise InputError(f"{text:.80}: {error}") from error
+    if Path(text).is_absolute() or not file.is_relative_to(folder.resolve()):
+        raise InputError(f"{text:.80} is not below {folder}: a page has the files there, no others")
+    return file
+
+
 def as_path(value: object, name: str) -> Path:
     """Convert ``value`` to a path.
 

@@ -12,10 +12,11 @@ import numpy as np
 
 from duoglide.control.host.handle import RunHandle, RunStatus
 from duoglide.control.host.robot import Robot
-from duoglide.errors import DuoglideError
-from duoglide.storage.paths import numbered
+from duoglide.errors import InputError
+from duoglide.storage.paths import inside, numbered
 from duoglide.viewer.join import JoinedRobot, JoinedRun
 from duoglide.viewer.motion_panel import MotionPanel
+from duoglide.viewer.owner import Owner
 
 if TYPE_CHECKING:
     from duoglide.machine import Machine
@@ -38,7 +39,9 @@ class MachinePanel:
         machine: The machine.
         drives: Name of the bus to offer; or a robot that somebody else has connected and runs, in
             this program or in another.
-        motion: Where the trajectory to run comes from, and what shows where the machine is.
+        motion: Where the trajectory to run comes from, what shows where the machine is, and below
+            which folder runs are recorded.
+        owner: Which page gives the orders.
     """
 
     def __init__(
@@ -47,9 +50,11 @@ class MachinePanel:
         machine: Machine,
         drives: str | Robot | JoinedRobot,
         motion: MotionPanel,
+        owner: Owner,
     ) -> None:
         self._gui = server.gui
         self._machine, self._motion, self._pose = machine, motion, motion.pose
+        self._owner, self._folder = owner, motion.folder
         self._own = isinstance(drives, str)
         self._robot: Robot | JoinedRobot | None = None if isinstance(drives, str) else drives
         bus = drives if isinstance(drives, str) else drives.bus
@@ -66,7 +71,7 @@ class MachinePanel:
         self._button("Reset fault", lambda robot: robot.reset_fault())
         self._button("Disable", lambda robot: robot.disable())
         with self._gui.add_folder("Run the loaded plan"):
-            hint = "Where to record; under a number if that is there; empty: nowhere"
+            hint = f"Below {motion.folder}; under a number if that is there; empty: nowhere"
             self._log = self._gui.add_text("Log", "", hint=hint)
             self._button("Run", self._run)
         with self._gui.add_folder("Jog", expand_by_default=False):
@@ -81,34 +86,35 @@ class MachinePanel:
         """Put what an operator must find at once into a window that does not scroll."""
         window = self._gui.add_panel()
         with window.add_tab("Operator"):
-            self._gui.add_button("Stop", color="red", hint="Space bar").on_click(
-                lambda _: self.stop()
-            )
-            self._gui.add_button("Hold").on_click(
-                lambda _: self._to_run(lambda run: run.hold(), _IDLE)
-            )
+            hold = self._gui.add_button("Hold")
+            hold.on_click(lambda _: self._to_run(lambda run: run.hold(), _IDLE))
             self._gui.add_button("Resume").on_click(
                 lambda _: self._to_run(lambda run: run.resume(), _IDLE)
             )
+            take = self._gui.add_button("Take over", hint="Give the orders from this page")
+            take.on_click(self._take_over)
+            self._owner.allow_all(hold, take)
             self._override = self._gui.add_slider("Override [%]", 0, 100, 1, 100)
             self._words = self._gui.add_markdown("Not connected." if self._own else "Live.")
             self._state = self._gui.add_markdown("")
         window.float(x=90.0, y=-15.0, width=330.0)
         self._override.on_update(self._overridden)
-        stop = self._gui.add_command("Stop", description="Stop on the path", hotkey="space")
-        stop.on_trigger(lambda _: self.stop())
 
     def stop(self) -> None:
-        """Stop whatever moves, along its path. Waits for nothing and needs nothing."""
+        """Stop whatever moves, along its path. Waits for nothing and needs nothing.
+
+        Raises:
+            DuoglideError: The order could not be given; the words say so too.
+        """
         robot = self._robot
         if robot is None:
             return
         try:
             robot.stop()
-        except DuoglideError as error:
+        except Exception as error:
             self._say_error(error)
-        else:
-            self._words.content = "**Stopped by the operator.** Run again to go on."
+            raise
+        self._words.content = "**Stopped by the operator.** Run again to go on."
 
     def close(self) -> None:
         """Stop and let go of the machine."""
@@ -139,7 +145,7 @@ class MachinePanel:
                 return
             answer = work(self._robot)
             self._words.content = str(answer) if answer is not None else "Done."
-        except DuoglideError as error:
+        except Exception as error:  # whatever it is: an operator must see it
             self._say_error(error)
         finally:
             self._one_command.release()
@@ -163,7 +169,7 @@ class MachinePanel:
         trajectory = self._motion.trajectory
         if trajectory is None:
             return "**Nothing to run.** Plan a pick or open a plan in the Motion tab first."
-        log = numbered(Path(self._log.value)) if self._log.value.strip() else None
+        log = self._log_file()
         rate = max(self._override.value, 1) / 100.0
         self._pose.set_draggable(False)
         try:
@@ -173,6 +179,15 @@ class MachinePanel:
             return f"{report!r}" + (f"; log: {log}" if log is not None else "")
         finally:
             self._pose.set_draggable(True)
+
+    def _log_file(self) -> Path | None:
+        """Return where to record: below the folder, and never in the place of anything."""
+        if not (name := self._log.value.strip()):
+            return None
+        file = inside(self._folder, name)
+        if file.suffix != ".mcap":
+            raise InputError(f"{name:.80}: a run is recorded in a file that ends in .mcap")
+        return numbered(file)
 
     def _jog(self, robot: Robot, direction: str) -> str:
         axis, sign = _JOGS[direction]
@@ -201,10 +216,14 @@ class MachinePanel:
                 order(run)
             elif idle:
                 self._words.content = idle
-        except DuoglideError as error:
+        except Exception as error:
             self._say_error(error)
 
-    def _say_error(self, error: DuoglideError) -> None:
+    def _take_over(self, event: Any) -> None:
+        self._owner.take_over(event.client_id)
+        self._words.content = "Another page gives the orders now."
+
+    def _say_error(self, error: Exception) -> None:
         self._words.content = f"**{type(error).__name__}.** {error}"
 
     def _overridden(self, event: Any) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -13,17 +14,32 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import DuoglideError
 from duoglide.planning.plan import plan
 from duoglide.planning.programs.pick_and_place import pick_and_place
+from duoglide.storage.paths import inside
 from duoglide.viewer.mechanism import CARRIAGES, METRES
+from duoglide.viewer.planner import Planner
 from duoglide.viewer.pose_panel import PosePanel
 from duoglide.viewer.recording import Recording, load_recording, recording_of
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from duoglide.machine import Machine
     from duoglide.planning.trajectory import Trajectory
 
 _FRAME = 1.0 / 30.0  # [s] between two pictures while playing
 _NEAR, _FAR = np.array([213, 30, 60]), np.array([0, 130, 200])  # clearance at its bound, at ease
 _EASE = 40.0  # [mm] above the machine's clearance
+
+
+Loaded: TypeAlias = "tuple[Recording, Trajectory | None]"
+
+
+def plan_pick(
+    machine: Machine, pick: ArrayLike, place: ArrayLike, lift: float, tolerance: float
+) -> Loaded:
+    """Plan a pick; what the page has done in another process."""
+    trajectory = plan(machine, pick_and_place(pick, place, lift=lift, tolerance=tolerance))
+    return recording_of(trajectory), trajectory
 
 
 class MotionPanel:
@@ -33,9 +49,11 @@ class MotionPanel:
         server: The viser server.
         machine: The machine that is shown.
         pose: What shows a position.
+        folder: Where the files are that may be opened.
     """
 
-    def __init__(self, server: Any, machine: Machine, pose: PosePanel) -> None:
+    def __init__(self, server: Any, machine: Machine, pose: PosePanel, folder: Path) -> None:
+        self.folder, self._planner = folder, Planner()
         self._server, self._gui = server, server.gui
         self._machine = machine
         self.pose = pose
@@ -43,6 +61,7 @@ class MotionPanel:
         self._plots: list[Any] = []
         self._path: Any = None
         self._closed = threading.Event()
+        self._one = threading.Lock()
         self.trajectory: Trajectory | None = None
         with self._gui.add_folder("Plan a pick"):
             self._pick = self._gui.add_vector3("Pick [mm]", (-41.0, -152.5, 295.0), step=0.5)
@@ -51,8 +70,8 @@ class MotionPanel:
             self._tolerance = self._gui.add_number("Corner tolerance [mm]", 2.0, step=0.1)
             self._gui.add_button("Plan").on_click(lambda _: self._plan())
         with self._gui.add_folder("Open a plan or a run", expand_by_default=False):
-            self._file = self._gui.add_text("File", "run.mcap")
-            self._gui.add_button("Open").on_click(lambda _: self.open(Path(self._file.value)))
+            self._file = self._gui.add_text("File", "run.mcap", hint=f"Below {folder}")
+            self._gui.add_button("Open").on_click(lambda _: self._open_named())
         self._words = self._gui.add_markdown("Nothing is loaded.")
         self._time = self._gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, disabled=True)
         self._play = self._gui.add_checkbox("Play", False, disabled=True)
@@ -61,35 +80,40 @@ class MotionPanel:
         threading.Thread(target=self._play_along, name="page-play", daemon=True).start()
 
     def close(self) -> None:
-        """End the playing."""
+        """End the playing and the planning."""
         self._closed.set()
+        self._planner.close()
 
     def open(self, file: Path) -> None:
         """Open a plan or a run; what is wrong with it is said on the page."""
         self._attempt(f"Opening {file.name} ...", lambda: load_recording(file))
 
+    def _open_named(self) -> None:
+        """Open what the page asks for; in another process, which a large file keeps busy."""
+        name = self._file.value
+        self._attempt(
+            "Opening ...", lambda: self._planner.do(load_recording, inside(self.folder, name))
+        )
+
     def _plan(self) -> None:
-        def work() -> tuple[Recording, Trajectory | None]:
-            path = pick_and_place(
-                self._pick.value,
-                self._place.value,
-                lift=self._lift.value,
-                tolerance=self._tolerance.value,
-            )
-            trajectory = plan(self._machine, path)
-            return recording_of(trajectory), trajectory
+        shape = self._pick.value, self._place.value, self._lift.value, self._tolerance.value
+        self._attempt("Planning ...", lambda: self._planner.do(plan_pick, self._machine, *shape))
 
-        self._attempt("Planning ...", work)
-
-    def _attempt(self, doing: str, work: Any) -> None:
-        """Do ``work`` and show what comes out, or say why nothing does."""
-        self._words.content = doing
+    def _attempt(self, doing: str, work: Callable[[], Loaded]) -> None:
+        """Do ``work`` and show what comes out, or say why nothing does; one at a time."""
+        if not self._one.acquire(blocking=False):
+            return  # the words say what is being done
         try:
-            recording, self.trajectory = work()
+            self._words.content = doing
+            recording, trajectory = work()
+            self._show(recording)
+            self.trajectory = trajectory
         except DuoglideError as error:
             self._words.content = f"**Refused.** {error}"
-            return
-        self._show(recording)
+        except Exception as error:  # a page that cannot say what went wrong says nothing at all
+            self._words.content = f"**{type(error).__name__}.** {error}"
+        finally:
+            self._one.release()
 
     def _show(self, recording: Recording) -> None:
         self._recording = recording

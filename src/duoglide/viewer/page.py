@@ -1,7 +1,7 @@
 """The live 3D page: the mechanism, plans and logs, and the running machine, in a browser.
 
-Stop, hold, resume and override stand in one window of their own, always; Stop is on the space bar
-too.
+Hold, resume and override stand in one window of their own. Stop is above everything, and on the
+space bar (``door``).
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from duoglide.errors import BusError, ConfigError
+from duoglide.viewer.door import Door, Gate
 from duoglide.viewer.machine_panel import MachinePanel
 from duoglide.viewer.mechanism import METRES, Mechanism
 from duoglide.viewer.motion_panel import MotionPanel
+from duoglide.viewer.owner import Owner
 from duoglide.viewer.pose_panel import PosePanel
 from duoglide.viewer.surfaces import Surfaces
 
@@ -39,6 +41,7 @@ class Page:
             stays its owner's to close.
         host: Address to serve on; only this machine by default.
         port: TCP port; 0 takes any that is free.
+        folder: What the page may open and record is below that; None: where the program runs.
 
     Raises:
         ConfigError: viser is not installed.
@@ -54,33 +57,41 @@ class Page:
         drives: str | Robot | JoinedRobot = "virtual",
         host: str = LOOPBACK,
         port: int = 8080,
+        folder: Path | None = None,
     ) -> None:
         viser = _viser()
+        below = folder or Path.cwd()
+        self._host = host
+        self._door = Door(Gate(host), self.stop)
         try:
-            with _unannounced():
+            with _unannounced(), self._door.before_viser():
                 self._server = viser.ViserServer(
                     host=host, port=port, label="Duoglide", verbose=False
                 )
         except OSError as error:
             raise BusError(f"cannot serve the page on {host}:{port}: {error}") from error
+        owner = Owner(self._refuse)
+        owner.guard(self._server)
         self._stage(machine)
         gui = self._server.gui
+        gui.configure_theme(show_share_button=False)
         tabs = gui.add_tab_group()
         mechanism = Mechanism(self._server.scene, machine.geometry)
         with tabs.add_tab("Pose"):
             self._pose = PosePanel(self._server, machine, mechanism)
             self._surfaces = Surfaces(self._server, machine)
         with tabs.add_tab("Motion"):
-            self._motion = MotionPanel(self._server, machine, self._pose)
+            self._motion = MotionPanel(self._server, machine, self._pose, below)
         with tabs.add_tab("Machine"):
-            self._machine = MachinePanel(self._server, machine, drives, self._motion)
+            self._machine = MachinePanel(self._server, machine, drives, self._motion, owner)
         if file is not None:
             self._motion.open(file)
 
     @property
     def address(self) -> str:
-        """Where a browser finds the page."""
-        return f"http://{self._server.get_host()}:{self._server.get_port()}"
+        """Where a browser finds the page; whoever has all of it is let in."""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        return f"http://{host}:{self._server.get_port()}/{self._door.gate.token}/"
 
     def stop(self) -> None:
         """Do what the Stop button does."""
@@ -88,6 +99,7 @@ class Page:
 
     def close(self) -> None:
         """Stop the machine if it moves, and stop serving."""
+        self._door.close()
         self._motion.close()
         self._machine.close()
         with _unannounced():
@@ -103,6 +115,12 @@ class Page:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _refuse(self, page: int, reason: str) -> None:
+        """Tell one page why it was not listened to."""
+        client = self._server.get_clients().get(page)
+        if client is not None:
+            client.add_notification("Not done", reason, auto_close_seconds=6.0)
 
     def _stage(self, machine: Machine) -> None:
         scene, half = self._server.scene, machine.geometry.rail_half_length

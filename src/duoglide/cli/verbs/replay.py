@@ -95,7 +95,7 @@ def replay(
     described = load_machine(machine) if machine is not None else None
     try:
         with working("checking"):
-            again = prepare(run, described, log=log, approach=approach, override=factor)
+            again = prepare(run, described, bus=bus, log=log, approach=approach, override=factor)
     except LogError as error:
         if run.suffix.lower() in ("", ".mcap") or not run.is_file():
             raise

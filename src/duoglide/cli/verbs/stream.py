@@ -24,6 +24,10 @@ from duoglide.cli.powered import View, page_beside, require_page, under_power
 _HELP = """\
 Bring up the drives of a bus and stream a plan to them.
 
+The plan is certified again from its curve and its profile, for the machine of --machine. Without
+one, simulated drives are made after the machine in the plan, and any other bus has the default
+machine: a plan for another one is refused there.
+
 Where the drives do not know where they are, --home-here says that the machine stands in its home
 pose; simulated drives need nobody to look. Ctrl-C and SIGTERM stop along the path, close the log
 and switch off. A run that is there already is kept unless --force is given.
@@ -63,10 +67,12 @@ def stream(
     factor = override_factor(override)
     require_log(log, reads=(plan, machine), force=force)
     require_page(view)
+    from duoglide.control.host.fitness import machine_that_moves
     from duoglide.planning.trajectory import Trajectory
 
     trajectory = Trajectory.load(plan)
-    described = load_machine(machine) if machine is not None else trajectory.machine
+    given = load_machine(machine) if machine is not None else None
+    described = machine_that_moves(given, trajectory.machine, bus)
     with (
         under_power(described, bus, home_here=home_here) as robot,
         page_beside(robot, plan, view),

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 _HELP = r"""Serve the live 3D page: the mechanism, plans and logs, and the running machine.
 
+Open the whole address that is printed: its token lets in. What the page opens and records is
+below the folder where this runs.
+
 Needs the extra: pip install "duoglide\[view]". Ctrl-C ends it, and stops the machine first.
 """
 _EXAMPLE = """\

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from duoglide.drives.buses import BusKind, parse_bus
 from duoglide.errors import ConfigError, DriveError, DuoglideError, InputError, PathError
 from duoglide.kinematics.model import inverse
+from duoglide.machine import Machine
 from duoglide.motion.path.actions import Dwell, SetOutput
 from duoglide.planning.limit_use import require_limits
 from duoglide.planning.trajectory import Trajectory
@@ -15,7 +17,6 @@ from duoglide.planning.trajectory import Trajectory
 if TYPE_CHECKING:
     from duoglide.arrays import FloatArray
     from duoglide.control.channel.scale import Triple
-    from duoglide.machine import Machine
 
 _SAMPLES = 200
 _SAME = 1e-6  # [mm] between the trajectory's carriages and those of this machine
@@ -27,6 +28,37 @@ class LimitUse(NamedTuple):
     velocity: Triple
     acceleration: Triple
     jerk: Triple
+
+
+def machine_that_moves(given: Machine | None, told: Machine, bus: str) -> Machine:
+    """Return the machine that a plan or a run of a file is to move.
+
+    What a file says of its machine is data. Simulated drives of this program's own are made after
+    it; on any other bus the machine in front of you counts: the one given, or the default one.
+
+    Args:
+        given: Named by whoever starts the run; None: nobody named one.
+        told: The machine in the file.
+        bus: Name of the bus.
+
+    Raises:
+        BusError: No such bus.
+        ConfigError: None is given, and the file is for another machine than the default one.
+    """
+    if given is not None:
+        return given
+    if parse_bus(bus).kind is BusKind.VIRTUAL:
+        return told
+    default = Machine.default()
+    here, there = default.to_dict(), told.to_dict()
+    if here != there:
+        other = ", ".join(key for key in there if there[key] != here.get(key))
+        raise ConfigError(
+            f"the file is for another machine than the default one ({other}), and what it says of"
+            f" that is believed on the virtual bus only: on {bus}, give the machine (--machine"
+            " FILE)"
+        )
+    return default
 
 
 def require_fit(trajectory: Trajectory, machine: Machine) -> tuple[Trajectory, LimitUse]:
@@ -105,6 +137,14 @@ def _require_rests(trajectory: Trajectory) -> None:
         raise PathError(
             f"the trajectory begins in motion, at {speed:.4g} mm/s of a carriage: it goes on from"
             " another one, and cannot be run by itself",
+            quantity="rest",
+            amount=float(speed),
+        )
+    if not trajectory.ends_at_rest:
+        speed = np.abs(trajectory.at(trajectory.duration).velocity).max()
+        raise PathError(
+            f"the trajectory does not come to rest: at its end a carriage has {speed:.4g} mm/s, and"
+            " nothing takes over",
             quantity="rest",
             amount=float(speed),
         )

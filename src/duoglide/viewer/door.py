@@ -1,0 +1,252 @@
+"""Who may come in to the page, and the Stop that waits behind nothing.
+
+viser serves whoever knows the port, and any web page can make a browser know it. So every request
+passes here first: the address holds a token that nobody can guess; Host must name this computer,
+which a name that was pointed here later does not; Origin must be the page itself.
+
+Stop does not go through viser at all. The page is given a button of its own, above whatever is
+shown, and the space bar, whatever has the focus; both send a request that is answered here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import ipaddress
+import secrets
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any
+from urllib.parse import urlsplit
+
+_ORDER = "Duoglide-Order"  # a header that a foreign page cannot send without asking first
+_STOPPERS = 4  # threads; one that waits for a program which is stuck holds up no other Stop
+_RATE = 200  # messages a second of one page; a hand on a slider and a turning camera make 120
+_BURST = 0.5  # [s] of such messages may come at once
+_SCRIPT = """
+<script>
+(() => {
+  const button = document.createElement("button");
+  const calm = "Stop";
+  button.id = "duoglide-stop";
+  button.textContent = calm;
+  button.title = "Or the space bar, whatever has the focus";
+  button.style.cssText = "position:fixed;left:50%;bottom:16px;transform:translateX(-50%);" +
+    "z-index:2147483647;min-width:220px;padding:14px 28px;border:3px solid #fff;" +
+    "border-radius:10px;background:#c92a2a;color:#fff;font:bold 20px sans-serif;" +
+    "cursor:pointer;pointer-events:auto;box-shadow:0 2px 10px #0008";
+  async function stop() {
+    button.textContent = "Stopping";
+    try {
+      const answer = await fetch("stop", {headers: {"Duoglide-Order": "stop"}, cache: "no-store"});
+      if (!answer.ok) throw new Error(await answer.text());
+      button.textContent = calm;
+    } catch (error) {
+      button.textContent = "STOP DID NOT ARRIVE: " + error.message;
+    }
+  }
+  const ours = event => event.composedPath().includes(button);
+  const take = (event, act) => {
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (act) stop();
+  };
+  const isSpace = event => event.code === "Space" || event.key === " ";
+  addEventListener("pointerdown", event => { if (ours(event)) take(event, true); }, true);
+  addEventListener("click", event => { if (ours(event)) take(event, event.detail === 0); }, true);
+  addEventListener("keydown", e => { if (isSpace(e)) take(e, !e.repeat); }, true);
+  addEventListener("keyup", e => { if (isSpace(e)) take(e, false); }, true);
+  addEventListener("keypress", e => { if (isSpace(e)) take(e, false); }, true);
+  document.documentElement.append(button);
+})();
+</script>
+"""
+_HEADERS = {  # the token must not leave in a Referer, and nobody may frame the page
+    "Referrer-Policy": "no-referrer",
+    "X-Frame-Options": "DENY",
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why somebody is not let in.
+
+    Attributes:
+        status: Of the answer.
+        reason: In words.
+    """
+
+    status: HTTPStatus
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """What a request must have to be let in.
+
+    Attributes:
+        host: What is served on.
+        token: The first part of the path.
+    """
+
+    host: str
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(18))
+
+    def judge(self, path: str, headers: Mapping[str, str]) -> str | Refusal:
+        """Return the path beyond the token, or why there is no way in.
+
+        Args:
+            path: As it was asked for, with what is behind a question mark.
+            headers: Of the request.
+        """
+        host = headers.get("Host", "")
+        if not self._names_us(host):
+            return Refusal(HTTPStatus.MISDIRECTED_REQUEST, "Host does not name this computer")
+        origin = headers.get("Origin")
+        if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
+            return Refusal(HTTPStatus.FORBIDDEN, "Origin is another page")
+        if origin is None and headers.get("Upgrade") is not None:
+            return Refusal(HTTPStatus.FORBIDDEN, "a stream needs an Origin")
+        token, _, rest = path.partition("?")[0].lstrip("/").partition("/")
+        if not secrets.compare_digest(token.encode(), self.token.encode()):
+            return Refusal(
+                HTTPStatus.FORBIDDEN, "open the address that duoglide view printed, all of it"
+            )
+        return rest
+
+    def _names_us(self, host: str) -> bool:
+        """Tell whether a Host header names this computer and not a domain that points to it."""
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        if name in ("localhost", self.host.lower()):
+            return True
+        try:
+            given, served = ipaddress.ip_address(name), ipaddress.ip_address(self.host)
+        except ValueError:
+            return False
+        return given.is_loopback or served.is_unspecified
+
+
+class Door:
+    """Stands between whoever asks and viser's server.
+
+    Args:
+        gate: Who is let in.
+        stop: What Stop does; it may wait, and may be called by many threads at once.
+    """
+
+    def __init__(self, gate: Gate, stop: Callable[[], object]) -> None:
+        self.gate = gate
+        self._stop = stop
+        self._stoppers = ThreadPoolExecutor(_STOPPERS, thread_name_prefix="page-stop")
+        self._page = b""
+
+    def close(self) -> None:
+        """Take no more orders."""
+        self._stoppers.shutdown(wait=False, cancel_futures=True)
+
+    @contextmanager
+    def before_viser(self) -> Iterator[None]:
+        """Have a server of viser that is made meanwhile ask here first.
+
+        viser hands its page to ``websockets`` as ``process_request``, and has no place for another
+        one; so that function is given a companion while the server is made.
+        """
+        from websockets.asyncio import server
+
+        plain = server.serve
+
+        def guarded(*args: Any, process_request: Any, **others: Any) -> Any:
+            async def ask(connection: Any, request: Any) -> Any:
+                return await self._answer(process_request, connection, request)
+
+            return plain(*args, process_request=ask, create_connection=_calm(), **others)
+
+        server.serve = guarded  # type: ignore[assignment,misc]
+        try:
+            yield
+        finally:
+            server.serve = plain  # type: ignore[misc]
+
+    async def _answer(self, viser: Any, connection: Any, request: Any) -> Any:
+        """Answer one request; None lets a stream begin."""
+        asked = self.gate.judge(request.path, request.headers)
+        if isinstance(asked, Refusal):
+            return _response(asked.status, asked.reason)
+        if request.headers.get("Upgrade", "").lower() == "websocket":
+            return None
+        if asked == "stop":
+            return await self._answer_stop(request)
+        if asked or not request.path.partition("?")[0].endswith("/"):
+            if asked not in ("", "index.html"):
+                return _response(HTTPStatus.NOT_FOUND, "there is no such page")
+            goal = f"/{self.gate.token}/"
+            return _response(HTTPStatus.TEMPORARY_REDIRECT, "this way", Location=goal)
+        if not self._page:
+            self._page = gzip.compress(_with_stop(await _page_of(viser, connection)))
+        kind = {"Content-Type": "text/html; charset=utf-8", "Content-Encoding": "gzip"}
+        return _response(HTTPStatus.OK, self._page, **kind)
+
+    async def _answer_stop(self, request: Any) -> Any:
+        if request.headers.get(_ORDER) != "stop":
+            return _response(HTTPStatus.FORBIDDEN, "stop is an order, not a page")
+        loop = asyncio.get_running_loop()
+        try:
+            await loop.run_in_executor(self._stoppers, self._stop)
+        except Exception as error:  # whatever it is, the operator must hear of it
+            return _response(HTTPStatus.INTERNAL_SERVER_ERROR, f"{type(error).__name__}: {error}")
+        return _response(HTTPStatus.OK, "stopped")
+
+
+def _calm() -> Any:
+    """Return a kind of connection that is read no faster than anybody can click and drag.
+
+    What comes faster waits in the sender's own buffers: all pages share one loop, and Stop is
+    answered in it.
+    """
+    from websockets.asyncio.server import ServerConnection
+
+    class Calm(ServerConnection):
+        _due = 0.0
+
+        async def recv(self, decode: bool | None = None) -> Any:
+            message = await super().recv(decode)
+            now = self.loop.time()
+            self._due = max(self._due, now - _BURST) + 1.0 / _RATE
+            await asyncio.sleep(max(self._due - now, 0.0))
+            return message
+
+    return Calm
+
+
+async def _page_of(viser: Any, connection: Any) -> bytes:
+    """Return the page that viser would send."""
+    from websockets.datastructures import Headers
+    from websockets.http11 import Request
+
+    answer = viser(connection, Request("/", Headers()))
+    body: bytes = answer.body
+    return body
+
+
+def _with_stop(page: bytes) -> bytes:
+    """Put the Stop button at the end of a page."""
+    return page + _SCRIPT.encode()
+
+
+def _response(status: HTTPStatus, body: str | bytes, **more: str) -> Any:
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    content = body.encode() if isinstance(body, str) else body
+    headers = {"Content-Type": "text/plain; charset=utf-8", **_HEADERS}
+    headers |= {name.replace("_", "-"): value for name, value in more.items()}
+    headers["Content-Length"] = str(len(content))
+    return Response(status.value, status.phrase, Headers(**headers), content)
