@@ -263,7 +263,7 @@ def test_a_corner_is_not_taken_at_speed() -> None:
 
 def test_the_independent_judge_sees_what_is_not_safe() -> None:
     good = dg.Trajectory.from_document(_of("line"))
-    fast = replace(good, profile=good.profile.stretched(0.98))
+    fast = replace(good, profile=good.profile.stretch(0.98))
     with pytest.raises(AssertionError, match="at full rate"):
         require_safe(fast, random.Random(1))
     stops = replace(

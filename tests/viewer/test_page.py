@@ -35,6 +35,7 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 ]
+TYPED = "input:visible:not([type=checkbox])"  # of the fields of a tab
 PATIENCE = 300_000  # [ms]: a browser without a graphics card takes its time on a busy computer
 PATIENT = dg.Machine(  # a browser that draws in software starves everybody else
     drives=dg.DriveSettings(
@@ -126,7 +127,7 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     tab.get_by_role("button", name="Enable and home").click()
     wait_for(tab, "Under power and homed")
     log = tab.folder / "run.mcap"
-    inputs = tab.locator("input:visible")  # bus and log in the panel, override beside Stop
+    inputs = tab.locator(TYPED)  # bus and log in the panel, override beside Stop
     inputs.nth(1).fill("run.mcap")
     override = inputs.last
     override.fill("1")  # slow, so that there is time to hold and to stop
@@ -176,7 +177,7 @@ def test_the_button_stops_once(stopping: Any) -> None:
 def test_space_stops_while_a_text_has_the_focus_and_is_not_typed(stopping: Any) -> None:
     tab, _ = stopping
     open_tab(tab, "Machine")
-    field = tab.locator("input:visible").nth(1)
+    field = tab.locator(TYPED).nth(1)
     field.fill("run")
     field.press("End")
     assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1
@@ -208,8 +209,8 @@ def test_stop_and_space_work_under_an_open_dialog(stopping: Any) -> None:
 
 def test_stop_stays_when_every_panel_is_minimised(stopping: Any) -> None:
     tab, _ = stopping
-    for minimise in tab.locator(".tabler-icon-minus").all():
-        minimise.click()
+    while (minimise := tab.locator(".tabler-icon-minus:visible")).count():
+        minimise.first.click()
     tab.get_by_role("button", name="Hold").wait_for(state="hidden")
     assert stops_by(stopping, tab.locator("#duoglide-stop").click) == 1
     assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1

@@ -15,9 +15,10 @@ from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode, State, decode
 from duoglide.drives.configure import PROFILE_402, list_settings
 from duoglide.drives.drive_objects import DriveObjects
+from duoglide.drives.scale import RateUnits
 from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.drives.units import read_units
-from duoglide.errors import DriveError
+from duoglide.errors import DriveError, DriveTimeout
 from duoglide.machine.drive_contract import CONTRACT, ContractObject, Need, find_object
 from duoglide.machine.drive_profiles import PROFILES
 from duoglide.machine.drive_quirks import Interlock, Quirks
@@ -186,7 +187,7 @@ def _try_settings(
         setpoint_timer=found.quirks.get("setpoint_timer", True),
     )
     refused: set[int] = set()
-    for index, sub, value in list_settings(drive, read_units(drive), travel, speed):
+    for index, sub, value in list_settings(drive, _ask_units(drive, found), travel, speed):
         if not drive.has(index) or index in refused:
             continue
         abort = _try(drive, index, sub, value)
@@ -208,6 +209,18 @@ def _try_settings(
             found.lose(item, f"does not take {value} ({_short(abort)})", sub)
             refused.add(index)
     return refused
+
+
+def _ask_units(drive: DriveObjects, found: Probed) -> RateUnits:
+    """Return the drive's units; increments, and a note of the key, where the machine file says."""
+    try:
+        return read_units(drive)
+    except DriveTimeout:
+        raise
+    except DriveError as error:
+        found.unsafe.append(f"until it is given, nothing moves: {error}")
+        fineness = abs(drive.scale.increments_per_mm)
+        return RateUnits(velocity=1.0 / fineness, acceleration=1.0 / fineness)
 
 
 def _try(drive: DriveObjects, index: int, sub: int, value: int) -> SdoRefusalError | None:

@@ -236,6 +236,7 @@ class Drivetrain:
 
         Everything is said to every drive, and read back, before bit 4 rises for the first of them.
         """
+        self._connection.require_open()
         if self.homed and not again:
             return
         here = METHODS_HERE.intersection(self.machine.drives.homing.method)

@@ -24,6 +24,7 @@ from duoglide.planning.timing.rows import POINTS
 from duoglide.planning.timing.solver import Limits, Nodes, solve
 from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 
+_STANDING = float(np.finfo(float).tiny)  # of alpha, at which nothing moves
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _MOST_ROUNDS = 30
 _GAIN = 0.02  # Another tangent is worth its time if it gains this share of the duration.
@@ -75,6 +76,7 @@ class Retiming:
         c0, c1, c2, c3 = self._cubics(delta)[:, :, None]
         u = 0.5 * (1.0 + _NODES)
         alpha = c0 + u * (c1 + u * (c2 + u * c3))
+        alpha = np.maximum(alpha, _STANDING)  # a draft may dip below: it then lasts for ever
         result: FloatArray = 0.5 * delta * ((1.0 / np.sqrt(alpha)) @ _WEIGHTS)
         return result
 
