@@ -14,7 +14,8 @@ t = g - b/2, which are the differences of two carriages each. R grows with |F3| 
 g, so that each curve bounds an obstacle that reaches without end in one direction of b and one of
 g, on each side of F3 = 0. So a hexagon meets an obstacle only if one of its corners is in it, or if
 it holds something in these directions from a tip: a point of the curve that runs along a side of
-the hexagon. Tips depend on the geometry alone.
+the hexagon. (Where F3 = 0 the curves run along b, so that a tip comes before.) Tips depend on the
+geometry alone.
 """
 
 from __future__ import annotations
@@ -62,12 +63,10 @@ class JointRegion:
 
     Attributes:
         constants: What ``depth_pose`` needs, in its order.
-        fold: b where F3 = 0 [mm]; infinite where it never is.
         tips: The tips of all obstacles.
     """
 
     constants: Constants
-    fold: float
     tips: tuple[Tip, ...]
 
 
@@ -102,7 +101,7 @@ def joint_region(g: Geometry, assembly: AssemblyMode, v: int) -> JointRegion:
     else:
         halves = ((0.0, 2.0 * l2, m if m * lift >= 0.0 else -m),)
     tips = [tip for half in halves for tip in _tips_of_half(constants, *half)]
-    return JointRegion(constants=constants, fold=fold, tips=tuple(tips))
+    return JointRegion(constants=constants, tips=tuple(tips))
 
 
 def _tips_of_half(k: Constants, start: float, end: float, up: int) -> list[Tip]:

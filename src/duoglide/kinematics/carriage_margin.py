@@ -87,23 +87,20 @@ def _margins(region: JointRegion, reach: Reach, own: BoolArray) -> FloatArray:
     high = np.maximum(high, 0.0)
     margin = np.empty(b.size)
     loop = _compiled_loop() if b.size >= MANY else largest_loop
-    loop(np.stack([b, g, high], axis=1), region.constants, region.fold, margin)
+    loop(np.stack([b, g, high], axis=1), region.constants, margin)
     return np.maximum(margin - RESERVE, 0.0)
 
 
-def corners_depth(b: float, g: float, e: float, k: Constants, fold: float) -> float:
+def corners_depth(b: float, g: float, e: float, k: Constants) -> float:
     """Return the least depth of the corners of the hexagon of carriages within +-e [mm]."""
     low, high = b - 2.0 * e, b + 2.0 * e
     least = min(depth_pose(b, g + 2.0 * e, k), depth_pose(b, g - 2.0 * e, k))
     for side in (low, high):
         least = min(least, depth_pose(side, g + e, k), depth_pose(side, g - e, k))
-    if low < fold < high:
-        reach = 2.0 * e - 0.5 * abs(fold - b)
-        least = min(least, depth_pose(fold, g + reach, k), depth_pose(fold, g - reach, k))
     return least
 
 
-def largest_error(b: float, g: float, high: float, k: Constants, fold: float) -> float:
+def largest_error(b: float, g: float, high: float, k: Constants) -> float:
     """Return the largest e up to ``high`` whose hexagon has its corners in the region [mm].
 
     False position with Illinois' rule; every fourth step halves. The lower end is certain.
@@ -111,7 +108,7 @@ def largest_error(b: float, g: float, high: float, k: Constants, fold: float) ->
     low, inside = 0.0, depth_pose(b, g, k)
     if not inside > 0.0:
         return 0.0
-    outside = corners_depth(b, g, high, k, fold)
+    outside = corners_depth(b, g, high, k)
     if outside > 0.0:
         return high
     kept = 0
@@ -121,7 +118,7 @@ def largest_error(b: float, g: float, high: float, k: Constants, fold: float) ->
         e = (low * outside - high * inside) / (outside - inside)
         if step % 4 == 3 or not low < e < high:
             e = 0.5 * (low + high)
-        depth = corners_depth(b, g, e, k, fold)
+        depth = corners_depth(b, g, e, k)
         if depth > 0.0:
             low, inside = e, depth
             if kept > 0:
@@ -135,10 +132,10 @@ def largest_error(b: float, g: float, high: float, k: Constants, fold: float) ->
     return low
 
 
-def largest_loop(rows: FloatArray, k: Constants, fold: float, out: FloatArray) -> None:
+def largest_loop(rows: FloatArray, k: Constants, out: FloatArray) -> None:
     """Run ``largest_error`` along b, g and the largest e of each pose, shape (n, 3)."""
     for i in range(len(rows)):
-        out[i] = largest_error(float(rows[i, 0]), float(rows[i, 1]), float(rows[i, 2]), k, fold)
+        out[i] = largest_error(float(rows[i, 0]), float(rows[i, 1]), float(rows[i, 2]), k)
 
 
 @cache
@@ -209,11 +206,7 @@ def _inside(region: JointRegion, hexagon: tuple[FloatArray, ...]) -> BoolArray:
     """Tell which hexagons lie in the region."""
     b_low, b_high, s_low, s_high, t_low, t_high = hexagon
     top, bottom = s_high - t_high, s_low - t_low
-    places = [b_low, b_low, top, b_high, b_high, bottom]
-    if region.fold < np.inf:
-        fold = np.clip(region.fold, b_low, b_high)
-        places += [fold, fold]
-    b = np.stack(places)
+    b = np.stack([b_low, b_low, top, b_high, b_high, bottom])
     g = np.minimum(s_high - 0.5 * b, t_high + 0.5 * b)
     g[::2] = np.maximum(s_low - 0.5 * b[::2], t_low + 0.5 * b[::2])
     g[2], g[5] = 0.5 * (s_high + t_high), 0.5 * (s_low + t_low)
