@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from duoglide.kinematics.model import reachable as reachable
     from duoglide.kinematics.modes import AssemblyMode as AssemblyMode
     from duoglide.kinematics.modes import WorkingMode as WorkingMode
-    from duoglide.kinematics.singularity import Margins as Margins
-    from duoglide.kinematics.singularity import clearance as clearance
-    from duoglide.kinematics.singularity import clearance_gradient as clearance_gradient
-    from duoglide.kinematics.singularity import margins as margins
+    from duoglide.kinematics.singularity.margins import Margins as Margins
+    from duoglide.kinematics.singularity.margins import clearance as clearance
+    from duoglide.kinematics.singularity.margins import clearance_gradient as clearance_gradient
+    from duoglide.kinematics.singularity.margins import margins as margins
     from duoglide.kinematics.solutions import ForwardSolution as ForwardSolution
     from duoglide.kinematics.solutions import InverseSolution as InverseSolution
     from duoglide.kinematics.solutions import forward_all as forward_all
@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from duoglide.motion.path.checked import CheckedPath as CheckedPath
     from duoglide.motion.path.path import Path as Path
     from duoglide.motion.rounding.blend import Blend as Blend
-    from duoglide.motion.trajectory import Trajectory as Trajectory
     from duoglide.planning.check.check import check_path as check_path
     from duoglide.planning.plan import plan as plan
     from duoglide.planning.programs.pick_and_place import chain as chain
@@ -65,6 +64,7 @@ if TYPE_CHECKING:
     from duoglide.planning.programs.pick_and_place import picks as picks
     from duoglide.planning.programs.planner import plan_program as plan_program
     from duoglide.planning.programs.read import read_program as read_program
+    from duoglide.planning.trajectory import Trajectory as Trajectory
     from duoglide.planning.transfer.jog import Jog as Jog
     from duoglide.planning.transfer.jog import JogLimits as JogLimits
     from duoglide.planning.transfer.recover import recover as recover
@@ -96,7 +96,7 @@ _HOMES = {
     "kinematics.export": ("to_mjcf",),
     "kinematics.model": ("forward", "inverse", "jacobian", "reachable"),
     "kinematics.modes": ("AssemblyMode", "WorkingMode"),
-    "kinematics.singularity": ("Margins", "clearance", "clearance_gradient", "margins"),
+    "kinematics.singularity.margins": ("Margins", "clearance", "clearance_gradient", "margins"),
     "kinematics.solutions": (
         "ForwardSolution",
         "InverseSolution",
@@ -109,7 +109,7 @@ _HOMES = {
     "motion.path.checked": ("CheckedPath",),
     "motion.motion": ("State",),
     "motion.path.path": ("Path",),
-    "motion.trajectory": ("Trajectory",),
+    "planning.trajectory": ("Trajectory",),
     "planning.check.check": ("check_path",),
     "planning.transfer.jog": ("Jog", "JogLimits"),
     "planning.programs.pick_and_place": ("chain", "pick_and_place", "picks"),

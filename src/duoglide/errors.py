@@ -14,6 +14,10 @@ class DuoglideError(Exception):
     """Base of everything that Duoglide raises on purpose."""
 
 
+class DuoglideWarning(UserWarning):
+    """Base of everything that Duoglide warns of."""
+
+
 class InputError(DuoglideError, ValueError):
     """A value that no robot could accept: NaN, infinity, text for a number, a wrong shape."""
 

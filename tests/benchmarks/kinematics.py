@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import root
 
 import duoglide as dg
-from duoglide.kinematics import _batch
+from duoglide.kinematics import batch
 from duoglide.kinematics.model import inverse_derivatives
 
 SEED = 0
@@ -85,10 +85,10 @@ def batches(geometry: dg.Geometry, position: np.ndarray) -> None:
     show("a plain copy of the positions", copy, 1e-3, copy.min())
     for name, job in jobs.items():
         show(name, seconds(job), 1e-3, copy.min())
-    worth, _batch.WORTH_CALLING = _batch.WORTH_CALLING, sys.maxsize
+    worth, batch.WORTH_CALLING = batch.WORTH_CALLING, sys.maxsize
     for name, job in list(jobs.items())[:3]:
         show(f"{name}, numpy alone", seconds(job, 5), 1e-3, copy.min())
-    _batch.WORTH_CALLING = worth
+    batch.WORTH_CALLING = worth
     part = position[: len(position) // 10]
     show("clearance, a tenth of them", seconds(lambda: dg.clearance(geometry, part), 3), 1e-3)
     error = np.abs(dg.forward(geometry, carriages) - position).max()

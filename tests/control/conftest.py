@@ -19,7 +19,7 @@ from duoglide.control.host.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode
-from duoglide.drives.simulation.firmware import FirmwareAxis
+from duoglide.drives.simulation.firmware.axis import FirmwareAxis
 from duoglide.errors import BusError
 from duoglide.motion.path.actions import Action
 from duoglide.motion.stop_bounds import StopBounds
@@ -102,7 +102,7 @@ class Bench:
         self.number = 0
         values = {"heartbeat": 125, "host": 500, **policy}
         settings = StreamSettings(
-            machine.drives.node_ids, CYCLE, 127, 25, Policy(following=(5000,) * 3, **values)
+            machine.drives.node_ids, CYCLE, 127, 25, Policy(**values)
         )
         self.streamer = Streamer(self, settings, self, self)
         for drive in self.drives:

@@ -27,9 +27,13 @@ def test_what_begins_or_ends_in_motion_is_not_run_by_itself(machine: dg.Machine)
 @pytest.mark.parametrize(
     ("change", "quantity", "words"),
     [
-        ({"keep_out": (dg.Box(low=(-60, -9, 280), high=(-20, 9, 303)),)}, "keep_out", r"by 3 mm"),
-        ({"carriage_width": 420.0}, "order", "leaves the carriage_width of this machine"),
-        ({"clearance": 75.0}, "clearance", "leaves the reach or the clearance of this machine"),
+        (
+            {"keep_out": (dg.Box(low=(-60, -9, 280), high=(-20, 9, 303)),)},
+            "keep_out",
+            r"3 mm inside keep_out box",
+        ),
+        ({"carriage_width": 420.0}, "order", "less than carriage_width"),
+        ({"clearance": 75.0}, "legs_flat", "below the clearance of 75 mm"),
     ],
 )
 def test_another_machine_says_which_room_is_left_and_by_how_much(

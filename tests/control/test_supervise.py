@@ -13,8 +13,8 @@ from duoglide.control.streamer.tracks import AxisView
 from duoglide.drives.cia402 import State
 from duoglide.drives.pdo import NmtState
 
-POLICY = Policy(heartbeat=100, following=(1000, 1000, 1000), host=500, silence=40)
-WELL = AxisView(state=State.OPERATION_ENABLED, statusword=0x1237)
+POLICY = Policy(heartbeat=100, host=500, silence=40)
+WELL = AxisView(state=State.OPERATION_ENABLED, statusword=0x1237, allowed=1000.0)
 
 
 def observation(axis: AxisView | None = None, **values: object) -> Observation:
@@ -39,6 +39,7 @@ def test_nothing_follows_when_all_is_well() -> None:
         ({"state": State.SWITCHED_ON}, Condition.NOT_ENABLED, Reaction.QUICK_STOP),
         ({"statusword": 0x3237}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
         ({"following": 1001}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
+        ({"stays": True}, Condition.LASTING, Reaction.STOP_ON_PATH),
         ({"statusword": 0x0237}, Condition.NOT_FOLLOWING, Reaction.QUICK_STOP),
         ({"limited": 3}, Condition.LIMIT, Reaction.STOP_ON_PATH),
         ({"missing": 3, "alone": 3}, Condition.SILENT, Reaction.STOP_ON_PATH),
@@ -65,6 +66,7 @@ def test_each_row_of_the_table_names_the_axis_and_its_reaction(
         ({"bus_failed": True}, Condition.BUS, Reaction.QUICK_STOP),
         ({"foreign": True}, Condition.FOREIGN, Reaction.QUICK_STOP),
         ({"refused": 3}, Condition.REFUSED, Reaction.QUICK_STOP),
+        ({"astray": 1}, Condition.ASTRAY, Reaction.STOP_ON_PATH),
         ({"unsent": 3}, Condition.UNSENT, Reaction.STOP_ON_PATH),
         ({"late": 3}, Condition.LATE, Reaction.STOP_ON_PATH),
         ({"host": 500}, Condition.HOST_SILENT, Reaction.STOP_ON_PATH),

@@ -305,7 +305,8 @@ def test_a_drive_that_hears_no_more_setpoints_stops_by_itself(
 
 
 @pytest.mark.parametrize(
-    ("cycle", "value"), [(0.002, (2, -3)), (0.0005, (5, -4)), (0.00125, (125, -5)), (0.1, (10, -2))]
+    ("cycle", "value"),
+    [(0.002, (2, -3)), (0.0005, (5, -4)), (0.00125, (125, -5)), (0.1, (100, -3)), (0.5, (50, -2))],
 )
 def test_the_cycle_is_written_as_a_drive_takes_it(cycle: float, value: tuple[int, int]) -> None:
     number, exponent = interpolation_time(cycle)

@@ -12,7 +12,7 @@ from duoglide.drives.cia402 import (
     decode,
     emergency_words,
 )
-from duoglide.drives.simulation.firmware import FirmwareAxis
+from duoglide.drives.simulation.firmware.axis import FirmwareAxis
 from duoglide.errors import DriveError
 
 GOALS = [

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from duoglide.drives.simulation.demand import FRACTION, Demand, Phase
+from duoglide.drives.simulation.firmware.demand import FRACTION, Demand, Phase
 
 PERIOD = 2000  # [us]
 moves = st.lists(st.one_of(st.none(), st.integers(-8000, 8000)), min_size=1, max_size=30)

@@ -6,8 +6,8 @@ import pytest
 
 from duoglide.drives.cia402 import Control, Mode, State
 from duoglide.drives.pdo import Nmt, pack_nmt
-from duoglide.drives.simulation.firmware_homing import INDEX_DISTANCE, HomingAxis
-from duoglide.drives.simulation.node import DriveNode
+from duoglide.drives.simulation.firmware.homing import INDEX_DISTANCE, HomingAxis
+from duoglide.drives.simulation.node.node import DriveNode
 from duoglide.drives.simulation.plant import Plant, PlantParameters
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from duoglide.drives import pdo
 from duoglide.drives.pdo import Nmt, NmtState
-from duoglide.drives.simulation.firmware import FirmwareAxis
-from duoglide.drives.simulation.node import DriveNode
+from duoglide.drives.simulation.firmware.axis import FirmwareAxis
+from duoglide.drives.simulation.node.node import DriveNode
 from duoglide.drives.simulation.plant import Plant
 
 NODE = 5

@@ -4,7 +4,7 @@ import pytest
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Control
-from duoglide.drives.simulation.firmware_objects import RefusalError
+from duoglide.drives.simulation.firmware.objects import RefusalError
 from duoglide.drives.simulation.rack import DriveRack, build_rack
 from duoglide.drives.standstill import INDEX, seconds_in
 from duoglide.machine import DriveSettings

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import pytest
 
-from duoglide.drives.simulation.firmware import FirmwareAxis
-from duoglide.drives.simulation.node_memory import ParameterMemory
-from duoglide.drives.simulation.node_objects import NodeObjects, read_variables
-from duoglide.drives.simulation.sdo_server import SdoServer
+from duoglide.drives.simulation.firmware.axis import FirmwareAxis
+from duoglide.drives.simulation.node.memory import ParameterMemory
+from duoglide.drives.simulation.node.objects import NodeObjects, read_variables
+from duoglide.drives.simulation.node.sdo_server import SdoServer
 from duoglide.drives.standstill import Standstill
 
 READ_NAME = bytes((0x40, 0x08, 0x10, 0x00)) + bytes(4)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from duoglide.drives.simulation.firmware_objects import RefusalError
+from duoglide.drives.simulation.firmware.objects import RefusalError
 
 FIRMWARE = Path(__file__).parents[2] / "firmware_interface"
 SOURCES = [

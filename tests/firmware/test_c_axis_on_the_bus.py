@@ -16,8 +16,8 @@ from duoglide.drives.axis import Axis
 from duoglide.drives.buses import frame_sender, open_bus
 from duoglide.drives.cia402 import State
 from duoglide.drives.simulation import faults
-from duoglide.drives.simulation.application import AxisApplication
 from duoglide.drives.simulation.hub import Hub
+from duoglide.drives.simulation.node.application import AxisApplication
 from duoglide.drives.simulation.rack import DriveRack, build_rack
 from duoglide.machine import DriveSettings
 

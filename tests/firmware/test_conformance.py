@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from duoglide.drives.cia402 import decode
-from duoglide.drives.simulation.application import AxisApplication
-from duoglide.drives.simulation.firmware_homing import HomingAxis
-from duoglide.drives.simulation.firmware_objects import RefusalError
+from duoglide.drives.simulation.firmware.homing import HomingAxis
+from duoglide.drives.simulation.firmware.objects import RefusalError
+from duoglide.drives.simulation.node.application import AxisApplication
 
 VECTORS = json.loads(
     (Path(__file__).parents[2] / "firmware_interface" / "conformance.json").read_text()

@@ -12,9 +12,9 @@ import pytest
 
 from duoglide.drives import pdo
 from duoglide.drives.linear_axis import object_dictionary
-from duoglide.drives.simulation.application import AxisApplication
-from duoglide.drives.simulation.firmware_homing import HomingAxis
-from duoglide.drives.simulation.node import DriveNode
+from duoglide.drives.simulation.firmware.homing import HomingAxis
+from duoglide.drives.simulation.node.application import AxisApplication
+from duoglide.drives.simulation.node.node import DriveNode
 from duoglide.drives.simulation.plant import Plant
 
 NODE = 5

@@ -15,7 +15,7 @@ import pytest
 from duoglide.drives import pdo
 from duoglide.drives.configure import PDO_MAPS
 from duoglide.drives.linear_axis import eds_path, eds_sha256, object_dictionary
-from duoglide.drives.simulation.firmware_objects import DEFAULTS
+from duoglide.drives.simulation.firmware.objects import DEFAULTS
 
 FIRMWARE = Path(__file__).parents[2] / "firmware_interface"
 

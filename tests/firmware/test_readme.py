@@ -9,7 +9,7 @@ import pytest
 
 from duoglide.drives.cia402 import State, emergency_words
 from duoglide.drives.linear_axis import object_dictionary
-from duoglide.drives.simulation.firmware_objects import error_register
+from duoglide.drives.simulation.firmware.objects import error_register
 from duoglide.machine import DriveSettings
 
 README = (Path(__file__).parents[2] / "firmware_interface" / "README.md").read_text()

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulation.firmware import FirmwareAxis
-from duoglide.drives.simulation.firmware_objects import ALLOWED, DEFAULTS, RefusalError
+from duoglide.drives.simulation.firmware.axis import FirmwareAxis
+from duoglide.drives.simulation.firmware.objects import ALLOWED, DEFAULTS, RefusalError
 
 REFERENCE = Path(__file__).parents[2] / "firmware_interface" / "reference_axis"
 EXTREMES = (-(1 << 31), -1, 0, 1, (1 << 31) - 1)

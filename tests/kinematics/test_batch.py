@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.kinematics import _batch, constants, kernels
+from duoglide.kinematics import batch, constants, kernels
 
 
 def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
@@ -24,7 +24,7 @@ def test_where_nothing_can_be_cached_the_loops_are_compiled_anew(
         return loop
 
     monkeypatch.setattr(numba, "njit", njit)
-    assert _batch._compiled.__wrapped__(kernels.inverse_loop) is kernels.inverse_loop
+    assert batch._compiled.__wrapped__(kernels.inverse_loop) is kernels.inverse_loop
     assert asked == [True, True, False]  # where numba likes it, beside temporary files, nowhere
 
 
@@ -38,14 +38,14 @@ def test_numba_is_loaded_once_numpy_has_answered_much(
         loaded.append(loop.__name__)
         return loop
 
-    monkeypatch.setattr(_batch, "_compiled", load)
-    monkeypatch.setattr(_batch._Answered, "poses", 0)
-    monkeypatch.setattr(_batch, "WORTH_LOADING", 2 * _batch.WORTH_CALLING)
-    some = np.tile([-41.0, 3.0, 302.0], (_batch.WORTH_CALLING, 1))
+    monkeypatch.setattr(batch, "_compiled", load)
+    monkeypatch.setattr(batch._Answered, "poses", 0)
+    monkeypatch.setattr(batch, "WORTH_LOADING", 2 * batch.WORTH_CALLING)
+    some = np.tile([-41.0, 3.0, 302.0], (batch.WORTH_CALLING, 1))
     large = np.tile(some, (4, 1))
     expected = dg.inverse(geometry, large)  # at once, however large
     assert loaded == []
-    assert _batch._Answered.poses == len(large)
+    assert batch._Answered.poses == len(large)
     np.testing.assert_array_equal(dg.inverse(geometry, some), expected[: len(some)])
     assert loaded == ["inverse_loop"]
     dg.margins(geometry, some[1:])  # too few to be worth a call
@@ -75,6 +75,6 @@ def test_the_loops_say_the_same_uncompiled(geometry: dg.Geometry) -> None:
 
 @pytest.mark.parametrize("value", [(1.0, 2), [1.0, 2.0, np.float64(3.0)], (1, 2, 3), 5.0, None])
 def test_only_three_plain_floats_take_the_short_way(value: Any) -> None:
-    assert _batch.as_pose(value) == ()
-    assert _batch.as_pose((1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
-    assert _batch.as_pose(np.array([1.0, 2.0, 3.0])) == [1.0, 2.0, 3.0]
+    assert batch.as_pose(value) == ()
+    assert batch.as_pose((1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+    assert batch.as_pose(np.array([1.0, 2.0, 3.0])) == [1.0, 2.0, 3.0]

@@ -11,7 +11,7 @@ import pytest
 import duoglide as dg
 from duoglide.kinematics.constants import carriage_constants, pose_constants
 from duoglide.kinematics.model import inverse_derivatives
-from duoglide.kinematics.singularity import clearance_gradient
+from duoglide.kinematics.singularity.margins import clearance_gradient
 from duoglide.kinematics.transmission import transmission
 
 POSE = (-41.0, 0.0, 302.0)

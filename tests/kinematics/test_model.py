@@ -10,11 +10,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.kinematics import _batch
-from duoglide.kinematics._case2 import curve_of
+from duoglide.kinematics import batch as _batch
 from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.kernels import in_numpy, inverse_pose
 from duoglide.kinematics.model import inverse_derivatives
+from duoglide.kinematics.singularity.case2 import curve_of
 
 ALL_MODES = [dg.WorkingMode(*signs) for signs in product((1, -1), repeat=4)]
 DEFINITE_MODES = [mode for mode in ALL_MODES if mode.w1 != mode.w2]

@@ -9,12 +9,12 @@ import pytest
 from scipy.spatial import cKDTree
 
 import duoglide as dg
-from duoglide.kinematics._case2 import curve_of, plain_curve
-from duoglide.kinematics._nearest_pose import SURFACES, nearest_of_pose
 from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.model import inverse_derivatives
-from duoglide.kinematics.nearest import nearest_surface
-from duoglide.kinematics.singularity import FAMILIES, clearance_gradient
+from duoglide.kinematics.singularity.case2 import curve_of, plain_curve
+from duoglide.kinematics.singularity.margins import FAMILIES, clearance_gradient
+from duoglide.kinematics.singularity.nearest import nearest_surface
+from duoglide.kinematics.singularity.nearest_pose import SURFACES, nearest_of_pose
 
 STEP = 2e-3  # [mm], between the points of a surface drawn densely
 BRANCHES = [dg.WorkingMode(v=v) for v in (1, -1)]

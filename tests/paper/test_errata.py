@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.kinematics.singularity import margins
+from duoglide.kinematics.singularity.margins import margins
 from duoglide.kinematics.workspace import Constraints, admissible, grid_over_reach
 from duoglide.paper.topology import analyse, duoglide_robot, screw_mobility
 

@@ -16,7 +16,7 @@ from duoglide.control.host.prepare import prepare
 from duoglide.motion.path.actions import WaitInput
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
-from duoglide.playback.recheck import recheck, recheck_repaced
+from duoglide.playback.recheck import recheck
 from duoglide.playback.replay import prepare as rerun
 from duoglide.playback.run_data import read_run
 from duoglide.storage import CycleRecord, LogKind, LogWarning, LogWriter, Phase, Topic, read_log
@@ -54,13 +54,13 @@ def test_a_changed_pace_keeps_the_stop_limits(
     paced: Callable[[dict[int, float]], Pace], write_run: WriteRun, trajectory: dg.Trajectory
 ) -> None:
     recorded = rebuild(read_log(write_run(paced({25: 0.9, 70: 1.0}))))
-    bound = recheck_repaced(trajectory.machine, recorded.motion)
+    bound, _ = recorded.motion.certified_for(trajectory.machine)
     assert bound.duration > trajectory.duration
     require_fit(bound, trajectory.machine)
     limits = trajectory.machine.limits
     strict = replace(trajectory.machine, stop_limits=limits)  # the change used its reserve
     with pytest.raises(dg.LimitError, match=r"of stop_limits\.jerk of .*--override 100"):
-        recheck_repaced(strict, recorded.motion)
+        recorded.motion.certified_for(strict)
 
 
 def test_what_was_replayed_with_a_changed_pace_can_be_replayed_again(

@@ -30,6 +30,7 @@ from duoglide.cli.console import EXTRAS, Failed, Stopped, complain, say_json
 from duoglide.cli.verbs import (
     check,
     demo,
+    doctor,
     drives,
     figures,
     log,
@@ -42,7 +43,7 @@ from duoglide.cli.verbs import (
     workspace,
 )
 from duoglide.control.host.interrupt import ENDINGS, interrupting
-from duoglide.errors import DuoglideError
+from duoglide.errors import DuoglideError, DuoglideWarning
 
 DONE, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
@@ -81,6 +82,7 @@ for verb in (
     stream,
     replay,
     status,
+    doctor,
     drives,
     log,
     workspace,
@@ -221,10 +223,9 @@ def _without(error: ImportError) -> str:
 
 def _show_only_our_warnings() -> None:
     """Let warnings of ours come as one line, and nobody else's."""
-    from duoglide.storage.reader import LogWarning
 
     def show(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-        if issubclass(category, LogWarning):
+        if issubclass(category, DuoglideWarning):
             complain(f"warning: {message}", DONE)
 
     warnings.showwarning = show

@@ -12,7 +12,7 @@ from duoglide.errors import DriveError, DuoglideError
 if TYPE_CHECKING:
     from duoglide.control.host.report import RunReport
     from duoglide.control.host.robot import Robot
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 _LOOK = 0.1  # [s] between two looks how far it is
 

@@ -1,11 +1,14 @@
-"""The move that ``plan`` and ``check`` are about: a file, or a pick and a place."""
+"""The move that a verb is about: a program, points, or a pick and a place."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, get_type_hints
 
 import typer
 
@@ -13,6 +16,7 @@ from duoglide.cli.console import progress
 from duoglide.cli.options import number, point
 
 if TYPE_CHECKING:
+    from duoglide.motion.path.path import Path as MotionPath
     from duoglide.planning.programs.read import Reading
 
 Program: TypeAlias = Annotated[
@@ -69,52 +73,86 @@ def planning() -> Iterator[Callable[[float], None]]:
         yield done
 
 
-def read_path(
-    program: Path | None,
-    *,
-    points: list[str] | None,
-    pick: str | None,
-    place: str | None,
-    lift: str | None,
-    tolerance: str | None,
-    ignore: list[str] | None = None,
-) -> Reading:
-    """Build the path that the arguments describe, and tell how a program was read.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Move:
+    """What the command line says of a move; each field is an option of every verb about one."""
 
-    Raises:
-        typer.BadParameter: Not one of a program, points, and a pick and a place; or no numbers.
-        DuoglideError: The program cannot be read, or describes no path.
-    """
-    from duoglide.planning.programs.read import Reading, read_with_notes
+    program: Program = None
+    point: Points = None
+    pick: Pick = None
+    place: Place = None
+    lift: Lift = None
+    tolerance: Tolerance = None
+    ignore: Ignore = None
 
-    rounding = number(tolerance, "--tolerance", "mm") if tolerance is not None else None
-    if program is not None:
-        if points or any(value is not None for value in (pick, place, lift)):
+    def read(self) -> Reading:
+        """Build the path, and tell how a program was read.
+
+        Raises:
+            typer.BadParameter: Not one of a program, points, and a pick and a place; no numbers.
+            DuoglideError: The program cannot be read, or describes no path.
+        """
+        from duoglide.planning.programs.read import Reading
+
+        tolerance = None if self.tolerance is None else number(self.tolerance, "--tolerance", "mm")
+        if self.program is not None:
+            return self._read_program(self.program, tolerance or 0.0)
+        if self.ignore:
+            raise typer.BadParameter("--ignore goes with a PROGRAM")
+        return Reading(self._path(2.0 if tolerance is None else tolerance))
+
+    def _read_program(self, program: Path, tolerance: float) -> Reading:
+        from duoglide.planning.programs.read import read_with_notes
+
+        if self.point or self._picks:
             raise typer.BadParameter("--point, --pick, --place and --lift do not go with a PROGRAM")
-        words = [word for text in ignore or [] for word in text.split(",") if word.strip()]
-        return read_with_notes(program, rounding or 0.0, words)
-    if ignore:
-        raise typer.BadParameter("--ignore goes with a PROGRAM")
-    rounding = 2.0 if rounding is None else rounding
-    if points:
-        if any(value is not None for value in (pick, place, lift)):
-            raise typer.BadParameter("--pick, --place and --lift do not go with --point")
-        from duoglide.motion.path.path import Path as MotionPath
+        words = [word for text in self.ignore or [] for word in text.split(",") if word.strip()]
+        return read_with_notes(program, tolerance, words)
 
-        corners = [point(text, "--point") for text in points]
-        return Reading(MotionPath.polyline(corners, rounding))
-    if pick is None or place is None:
-        raise typer.BadParameter("give a PROGRAM, or --point twice, or --pick and --place X,Y,Z")
-    from duoglide.planning.programs.pick_and_place import pick_and_place
+    def _path(self, tolerance: float) -> MotionPath:
+        if self.point:
+            if self._picks:
+                raise typer.BadParameter("--pick, --place and --lift do not go with --point")
+            from duoglide.motion.path.path import Path as MotionPath
 
-    return Reading(
-        pick_and_place(
-            point(pick, "--pick"),
-            point(place, "--place"),
-            lift=number(lift, "--lift", "mm") if lift is not None else 25.0,
-            tolerance=rounding,
+            return MotionPath.polyline([point(text, "--point") for text in self.point], tolerance)
+        if self.pick is None or self.place is None:
+            raise typer.BadParameter(
+                "give a PROGRAM, or --point twice, or --pick and --place X,Y,Z"
+            )
+        from duoglide.planning.programs.pick_and_place import pick_and_place
+
+        return pick_and_place(
+            point(self.pick, "--pick"),
+            point(self.place, "--place"),
+            lift=number(self.lift, "--lift", "mm") if self.lift is not None else 25.0,
+            tolerance=tolerance,
         )
-    )
+
+    @property
+    def _picks(self) -> bool:
+        """Whether a pick and a place are described, or a part of that."""
+        return any(value is not None for value in (self.pick, self.place, self.lift))
+
+
+def about_a_move(verb: Callable[..., None]) -> Callable[..., None]:
+    """Make the fields of ``Move`` options of a verb, whose first argument is a move."""
+    hints = get_type_hints(Move, include_extras=True)
+    options = [
+        Parameter(f.name, Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[f.name])
+        for f in fields(Move)
+    ]
+    whole = signature(verb, eval_str=True)
+    _, *own = whole.parameters.values()
+
+    @wraps(verb)
+    def run(**values: Any) -> None:
+        verb(Move(**{name: values.pop(name) for name in hints}), **values)
+
+    # typer asks for both
+    run.__signature__ = whole.replace(parameters=options + own)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in options + own}
+    return run
 
 
 def reading_numbers(reading: Reading) -> dict[str, Any]:

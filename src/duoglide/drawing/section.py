@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.model import reachable
-from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.singularity.margins import clearance
 from duoglide.kinematics.workspace import section
 from duoglide.machine import Machine
 

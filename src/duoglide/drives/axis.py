@@ -7,6 +7,7 @@ and nothing belongs in the cycle.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from duoglide.drives import pdo, standstill
@@ -23,9 +24,22 @@ from duoglide.drives.configure import Identity, configure, identify, wait_for_bo
 from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import DriveFault, DriveTimeout
+from duoglide.machine.drive_contract import answer_to
+from duoglide.machine.drive_quirks import Interlock
 
-_PAUSE = 0.002  # between two looks at a statusword [s]
+_FIRST_PAUSE, _LONGEST_PAUSE = 0.002, 0.05  # between two looks at an object [s]
 _STATE_PATIENCE = 2.0  # how long a drive may take for one change of state [s]
+
+
+def growing_pauses() -> Iterator[float]:
+    """Yield how long to wait before each next look at a drive, more and more [s].
+
+    A quick drive is not kept waiting, and a slow one is not asked the same hundreds of times.
+    """
+    pause = _FIRST_PAUSE
+    while True:
+        yield pause
+        pause = min(2.0 * pause, _LONGEST_PAUSE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,14 +106,27 @@ class Axis(DriveObjects):
 
     def safe_torque_off(self) -> bool:
         """Whether the safe torque off circuit is open."""
-        return bool(self.read_inputs() & pdo.INTERLOCK)
+        interlock = self.quirks.interlock
+        if interlock is Interlock.NONE or not self.has(0x60FD):
+            return False
+        return bool(self.read_inputs() & pdo.INTERLOCK) is (interlock is Interlock.SET)
+
+    def read_error_code(self) -> int:
+        """Return the code of the fault, 0x603F or the newest of 0x1003; 0 where neither says it."""
+        if self.has(0x603F):
+            return self.read(0x603F)
+        try:
+            return self.read(0x1003, 1) & 0xFFFF
+        except SdoRefusalError:
+            return 0
 
     def fault(self) -> DriveFault:
         """Make the error for the fault that the drive is in."""
-        code = self.read(0x603F)
+        code = self.read_error_code()
+        cause = f"0x{code:04X}, {emergency_words(code)}" if code else "of unknown cause"
         return DriveFault(
-            f"axis {self.number} (node {self.node_id}): fault 0x{code:04X},"
-            f" {emergency_words(code)}; once its cause is gone, reset_fault() acknowledges it",
+            f"axis {self.number} (node {self.node_id}): fault {cause};"
+            " once its cause is gone, reset_fault() acknowledges it",
             axis=self.number,
             code=code,
         )
@@ -116,7 +143,7 @@ class Axis(DriveObjects):
 
     def describe(self) -> AxisReport:
         """Ask the drive what it is and how it is; changes nothing."""
-        code = self.read(0x603F)
+        code = self.read_error_code()
         return AxisReport(
             axis=self.number,
             node_id=self.node_id,
@@ -133,7 +160,7 @@ class Axis(DriveObjects):
     def set_mode(self, mode: Mode) -> None:
         """Choose the mode of operation and wait until the drive is in it."""
         self.write(0x6060, 0, mode)
-        deadline = time.monotonic() + _STATE_PATIENCE
+        deadline, pauses = time.monotonic() + _STATE_PATIENCE, growing_pauses()
         while self.read(0x6061) != mode:
             if time.monotonic() > deadline:
                 raise DriveTimeout(
@@ -141,7 +168,7 @@ class Axis(DriveObjects):
                     f" within {_STATE_PATIENCE:g} s",
                     axis=self.number,
                 )
-            time.sleep(_PAUSE)
+            time.sleep(next(pauses))
 
     def go_to(self, goal: State) -> None:
         """Walk to a state, one transition after the other.
@@ -150,7 +177,7 @@ class Axis(DriveObjects):
             DriveFault: The drive is in fault, or falls into it on the way.
             DriveTimeout: A transition takes too long.
         """
-        deadline = time.monotonic() + _STATE_PATIENCE
+        deadline, pauses = time.monotonic() + _STATE_PATIENCE, growing_pauses()
         while (state := self.read_state()) is not goal:
             if state is State.FAULT:
                 raise self.fault()
@@ -163,30 +190,52 @@ class Axis(DriveObjects):
             word = controlword_towards(state, goal)
             if word is not None:
                 self.write(0x6040, 0, word)
-            time.sleep(_PAUSE)
+            time.sleep(next(pauses))
 
     # -- homing -------------------------------------------------------------------------------
 
-    def start_homing(self, position: float) -> None:
-        """Begin homing; the drive must be enabled.
+    def prepare_homing(self, position: float) -> None:
+        """Say how to home, and go into homing mode; nothing begins before bit 4 rises.
+
+        All of it is read back before it returns: a drive that begins on the level of bit 4, or with
+        what it has in memory, must find everything in its place.
 
         Args:
             position: Where the carriage is once homing ends [mm]. Method 37: where it stands.
         """
         homing = self.settings.homing
-        self.set_mode(Mode.HOMING)
         self.write_checked(0x6098, 0, homing.method[self.number - 1])
         offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
+        self._write_home(offset)
         for index, sub, value in (
-            (0x607C, 0, offset),
             (0x6099, 1, self.scale.magnitude(homing.search_speed)),
             (0x6099, 2, self.scale.magnitude(homing.creep_speed)),
             (0x609A, 0, self.scale.magnitude(homing.acceleration)),
         ):
             if self.has(index):
                 self.write_checked(index, sub, value)
+        self.set_mode(Mode.HOMING)
+
+    def start_homing(self, position: float) -> None:
+        """Prepare homing, and begin it by SDO; the drive must be enabled, and nobody else stream.
+
+        Args:
+            position: As for ``prepare_homing``.
+        """
+        self.prepare_homing(position)
         self.write(0x6040, 0, Control.ENABLE_OPERATION)
         self.write(0x6040, 0, Control.START_HOMING)
+
+    def _write_home(self, position: int) -> None:
+        """Write the position at the place of reference [increments] and read it back."""
+        index, sub = self.quirks.home_object
+        if not self.has(index):
+            return
+        data = position.to_bytes(4, "little", signed=True)
+        self.write_bytes(index, sub, data)
+        if (kept := self.read_bytes(index, sub)) != data:
+            value = int.from_bytes(kept, "little", signed=True)
+            raise self.error(f"0x{index:04X}:{sub} was written as {position} but reads {value}")
 
     def homing_done(self) -> bool:
         """Whether the drive has found its reference and stands.
@@ -199,7 +248,10 @@ class Axis(DriveObjects):
         if decode(word) is State.FAULT:
             raise self.fault()
         if word & Status.HOMING_ERROR:
-            raise self.error("homing has failed", 0x8613)
+            method = self.settings.homing.method[self.number - 1]
+            raise self.error(
+                f"homing has failed, by method {method}; {answer_to(0x6098, 0)}", 0x8613
+            )
         done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
         return word & done == done
 
@@ -216,5 +268,5 @@ class Axis(DriveObjects):
         if abs(says - position) > self.settings.following_error_window:
             raise self.error(
                 f"says {says:.3f} mm after homing, should say {position:.3f} mm;"
-                " drives.quirks home_offset_sign may be wrong"
+                " drives.quirks home_offset_sign or home_object may be wrong"
             )

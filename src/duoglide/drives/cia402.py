@@ -78,6 +78,11 @@ def command_of(controlword: int) -> Command:
     return _COMMANDS[controlword & 0x0F]
 
 
+# Homing methods, 0x6098, by which the place where the carriage stands is the known one; 35 is what
+# older editions of CiA 402 call 37.
+METHODS_HERE = frozenset({35, 37})
+
+
 class Mode(IntEnum):
     """Modes of operation, 0x6060 and 0x6061, that a linear axis uses."""
 

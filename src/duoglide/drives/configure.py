@@ -7,6 +7,8 @@ watchdogs, stops and limits; everything that can be is read back.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from duoglide.drives import pdo
@@ -14,14 +16,19 @@ from duoglide.drives.cia402 import Mode
 from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import ConfigError, DriveTimeout
+from duoglide.machine.drive_contract import answer_to
 
 _PROFILE = 402
 _SCAN_PATIENCE = 0.5  # [s]
 _INVALID = 1 << 31  # of a PDO's COB-ID
+# Beside the contract's two, the PDOs that a maker may have on at delivery.
+_OTHER_RPDOS, _OTHER_TPDOS = range(0x1402, 0x1408), range(0x1802, 0x1808)
 _SPEED_ROOM = 1.1  # so that a drive that has fallen behind by a lost setpoint may catch up
 _MOST_SPEED = (1 << 31) - 1  # of 0x607F, where increments are small [increments/s]
+_MILLI, _BYTE = -3, 255  # of 0x60C2: the exponent that all drives know, the largest value
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
+_NOT_THERE = (0x06020000, 0x06090011)  # abort codes: no such object, no such sub-index
 _RAMP_QUICK = 2  # 0x605D, 0x605E: brake at 0x6085
 
 
@@ -117,11 +124,11 @@ def identify(drive: DriveObjects) -> Identity:
     identity = Identity(
         device_type=device_type,
         vendor_id=drive.read(0x1018, 1),
-        product_code=drive.read(0x1018, 2),
-        revision=drive.read(0x1018, 3),
-        serial=drive.read(0x1018, 4),
+        product_code=_read_optional(drive, 0x1018, 2),
+        revision=_read_optional(drive, 0x1018, 3),
+        serial=_read_optional(drive, 0x1018, 4),
         name=_name(drive),
-        modes=drive.read(0x6502),
+        modes=_read_optional(drive, 0x6502, 0),
     )
     for key in ("vendor_id", "product_code"):
         says, wanted = getattr(identity, key), getattr(drive.quirks, key)
@@ -130,12 +137,21 @@ def identify(drive: DriveObjects) -> Identity:
                 f"{key} is 0x{says:08X}, the machine file wants 0x{wanted:08X}:"
                 " another drive, or drives.quirks is for another one"
             )
-    if not identity.modes & Mode.CYCLIC_SYNCHRONOUS_POSITION.supported_bit:
+    knows = identity.modes & Mode.CYCLIC_SYNCHRONOUS_POSITION.supported_bit
+    if not knows and not drive.quirks.trust_csp:
         raise drive.error(
             f"does not know cyclic synchronous position: 0x6502 is 0x{identity.modes:08X},"
-            " bit 7 is not set"
+            f" bit 7 is not set; {answer_to(0x6502, 0)}"
         )
     return identity
+
+
+def _read_optional(drive: DriveObjects, index: int, sub: int) -> int:
+    """Read what CiA 301 or CiA 402 leave to the maker; 0 where the drive does not have it."""
+    try:
+        return drive.read(index, sub)
+    except SdoRefusalError:
+        return 0
 
 
 def _name(drive: DriveObjects) -> str:
@@ -155,17 +171,62 @@ def configure(drive: DriveObjects, travel: tuple[float, float] | None, speed: fl
             a setpoint that is far off can do. None leaves that of the drive.
     """
     drive.command(pdo.Nmt.ENTER_PRE_OPERATIONAL)
+    refusals = Refusals(drive)
+    for parameters in (*_OTHER_RPDOS, *_OTHER_TPDOS):
+        with refusals.collected():
+            switch_off_pdo(drive, parameters)
     for wanted in PDO_MAPS:
-        if all(drive.has(index) for index, _, _ in wanted.entries):
-            map_pdo(drive, wanted)
+        with refusals.collected():
+            if all(drive.has(index) for index, _, _ in wanted.entries):
+                map_pdo(drive, wanted)
+            else:
+                switch_off_pdo(drive, wanted.parameters)
     if _counts_syncs(drive):
-        drive.write(0x1006, 0, 0)  # with a cycle set, a drive must not change its counter
-        drive.write_checked(0x1019, 0, 0)
+        with refusals.collected():
+            if drive.has(0x1006):
+                drive.write(0x1006, 0, 0)  # with a cycle set, a drive must not change its counter
+            drive.write_checked(0x1019, 0, 0)
     for index, sub, value in _settings(drive, travel, speed):
         if drive.has(index):
-            drive.write_checked(index, sub, value)
+            with refusals.collected():
+                drive.write_checked(index, sub, value)
     for index, sub, value, size in drive.quirks.writes:
-        drive.write_bytes(index, sub, value.to_bytes(size, "little", signed=value < 0))
+        with refusals.collected():
+            drive.write_bytes(index, sub, value.to_bytes(size, "little", signed=value < 0))
+    refusals.raise_them()
+
+
+class Refusals:
+    """All that one drive refuses, so that whoever mends the machine file need not ask one by one.
+
+    Args:
+        drive: Which.
+    """
+
+    def __init__(self, drive: DriveObjects) -> None:
+        self._drive = drive
+        self._found: list[SdoRefusalError] = []
+
+    @contextmanager
+    def collected(self) -> Iterator[None]:
+        """Keep a refusal of what is written inside, and go on."""
+        try:
+            yield
+        except SdoRefusalError as refusal:
+            self._found.append(refusal)
+
+    def raise_them(self) -> None:
+        """Raise DriveError with every refusal and the key that answers it; nothing if none."""
+        if not self._found:
+            return
+        prefix = f"axis {self._drive.number} (node {self._drive.node_id})"
+        said = [
+            f"{str(refusal).removeprefix(prefix + ', ')}"
+            + (f" [{answer}]" if (answer := answer_to(refusal.index, refusal.sub)) else "")
+            for refusal in self._found
+        ]
+        count = f"{len(said)} objects are refused: " if len(said) > 1 else ""
+        raise self._drive.error(f"{count}{'; '.join(said)}")
 
 
 def _counts_syncs(drive: DriveObjects) -> bool:
@@ -178,8 +239,62 @@ def _counts_syncs(drive: DriveObjects) -> bool:
         return False
 
 
+def switch_off_pdo(drive: DriveObjects, parameters: int) -> None:
+    """Switch off a PDO as its maker delivers it, if there is one; in PRE-OPERATIONAL.
+
+    Left on, it loads the bus in every cycle, or acts on a frame that means something else here.
+
+    Args:
+        drive: Whose.
+        parameters: 0x14xx or 0x18xx.
+
+    Raises:
+        DriveError: It stays on.
+    """
+    try:
+        cob_id = int.from_bytes(drive.read_bytes(parameters, 1), "little")
+        if not cob_id & _INVALID:
+            drive.write_bytes(parameters, 1, (cob_id | _INVALID).to_bytes(4, "little"))
+            cob_id = int.from_bytes(drive.read_bytes(parameters, 1), "little")
+    except SdoRefusalError as refusal:
+        if refusal.abort in _NOT_THERE:
+            return
+        raise
+    if not cob_id & _INVALID:
+        raise drive.error(
+            f"its PDO 0x{parameters:04X} stays on (0x{cob_id:X}); switch it off with the maker's"
+            " tool, and store that"
+        )
+
+
 def map_pdo(drive: DriveObjects, wanted: PdoMap) -> None:
-    """Map one PDO in the order of CiA 301, 7.5.2.36, and read it back; in PRE-OPERATIONAL."""
+    """Map one PDO in the order of CiA 301, 7.5.2.36, and read it back; in PRE-OPERATIONAL.
+
+    A drive that refuses is left as it is where it already sends and takes what is wanted.
+
+    Raises:
+        SdoRefusalError: The drive refuses.
+        DriveError: The drive keeps another identifier than the one written.
+    """
+    try:
+        _write_map(drive, wanted)
+    except SdoRefusalError:
+        if not _is_mapped(drive, wanted):
+            raise
+
+
+def _is_mapped(drive: DriveObjects, wanted: PdoMap) -> bool:
+    """Whether a PDO is on and as it is wanted."""
+    entries = [index << 16 | sub << 8 | bits for index, sub, bits in wanted.entries]
+    return (
+        drive.read(wanted.parameters, 1) & (_INVALID | 0x7FF) == wanted.cob_id + drive.node_id
+        and drive.holds(wanted.parameters, 2, wanted.kind)
+        and drive.holds(wanted.mapping, 0, len(entries))
+        and all(drive.holds(wanted.mapping, i, entry) for i, entry in enumerate(entries, start=1))
+    )
+
+
+def _write_map(drive: DriveObjects, wanted: PdoMap) -> None:
     cob_id = wanted.cob_id + drive.node_id
     drive.write(wanted.parameters, 1, cob_id | _INVALID)
     drive.write_checked(wanted.parameters, 2, wanted.kind)
@@ -200,7 +315,7 @@ def _settings(
 ) -> list[tuple[int, int, int]]:
     """Return the objects to write: timing, watchdogs, stops and limits."""
     settings, quirks, scale = drive.settings, drive.quirks, drive.scale
-    value, exponent = interpolation_time(settings.cycle)
+    value, exponent = interpolation_time(settings.cycle, _fixed_exponent(drive))
     timeout = _milliseconds(settings.heartbeat_timeout)
     objects = [
         (0x60C2, 1, value),
@@ -230,18 +345,41 @@ def _settings(
     return objects
 
 
-def interpolation_time(cycle: float) -> tuple[int, int]:
+def _fixed_exponent(drive: DriveObjects) -> int | None:
+    """Return the unit of 0x60C2 where the drive lets nobody choose it; None where it does."""
+    if not drive.has(0x60C2):
+        return None
+    try:
+        kept = drive.read(0x60C2, 2)
+        drive.write(0x60C2, 2, _MILLI if kept != _MILLI else kept)
+    except SdoRefusalError:
+        return drive.read(0x60C2, 2)
+    return None
+
+
+def interpolation_time(cycle: float, fixed: int | None = None) -> tuple[int, int]:
     """Return the cycle as 0x60C2 has it: a value of 1 to 255 and a power of ten.
+
+    Milliseconds come first: some drives know nothing else.
+
+    Args:
+        cycle: [s].
+        fixed: The only power of ten that a drive takes; None where it takes any.
 
     Raises:
         ConfigError: The cycle cannot be written that way.
     """
-    for exponent in (-2, -3, -4, -5, -6):
+    for exponent in (_MILLI, -2, -4, -5, -6) if fixed is None else (fixed,):
         value = round(cycle / 10.0**exponent)
-        if 1 <= value <= 255 and abs(value * 10.0**exponent - cycle) < 1e-9:
+        if 1 <= value <= _BYTE and abs(value * 10.0**exponent - cycle) < 1e-9:
             return value, exponent
+    if fixed is not None:
+        raise ConfigError(
+            f"cycle = {cycle:g}: the drive counts it in 1e{fixed} s alone (0x60C2:2); use a whole"
+            f" number of them, up to {_BYTE}"
+        )
     raise ConfigError(
-        f"cycle = {cycle:g}: 0x60C2 cannot say that; use 1 to 255 times a power of ten [s]"
+        f"cycle = {cycle:g}: 0x60C2 cannot say that; use 1 to {_BYTE} times a power of ten [s]"
     )
 
 

@@ -12,7 +12,7 @@ import can
 from duoglide.drives import pdo
 from duoglide.drives.linear_axis import object_dictionary
 from duoglide.drives.scale import Scale
-from duoglide.drives.sdo_client import SdoClient
+from duoglide.drives.sdo_client import SdoClient, SdoRefusalError
 from duoglide.errors import BusError, DriveError
 from duoglide.machine import DriveSettings
 
@@ -69,19 +69,32 @@ class DriveObjects:
         self._sdo.download(index, sub, data)
 
     def write_checked(self, index: int, sub: int, value: int) -> None:
-        """Write a number and read it back.
+        """Write a number and read it back; one that is there already may be read-only.
 
         Raises:
+            SdoRefusalError: The drive refuses, and holds another value.
             DriveError: The drive has kept another value.
         """
-        self.write(index, sub, value)
+        try:
+            self.write(index, sub, value)
+        except SdoRefusalError:
+            if not self.holds(index, sub, value):
+                raise
+            return
         kept = self.read(index, sub)
         if kept != value:
             raise self.error(f"0x{index:04X}:{sub} was written as {value} but reads {kept}")
 
+    def holds(self, index: int, sub: int, value: int) -> bool:
+        """Whether an object reads as ``value``; False where the drive refuses to be read."""
+        try:
+            return self.read(index, sub) == value
+        except SdoRefusalError:
+            return False
+
     def has(self, index: int) -> bool:
         """Whether the machine file says that the drive has an optional object."""
-        return index not in self.quirks.absent
+        return self.quirks.has(index)
 
     def _variable(self, index: int, sub: int) -> canopen.objectdictionary.ODVariable:
         entry = self._dictionary[index]

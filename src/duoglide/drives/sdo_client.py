@@ -52,11 +52,20 @@ ABORT_WORDS = {
 
 
 class SdoRefusalError(DriveError):
-    """The drive has answered with an abort code, in ``abort``."""
+    """The drive has answered with an abort code.
 
-    def __init__(self, message: str, *, axis: int, abort: int) -> None:
+    Attributes:
+        abort: The code.
+        index: Of the object.
+        sub: Its sub-index.
+    """
+
+    def __init__(
+        self, message: str, *, axis: int, abort: int, index: int = 0, sub: int = 0
+    ) -> None:
         super().__init__(message, axis=axis)
         self.abort = abort
+        self.index, self.sub = index, sub
 
 
 class SdoClient(CanopenClient):  # type: ignore[misc]  # canopen is not typed
@@ -98,7 +107,7 @@ class SdoClient(CanopenClient):  # type: ignore[misc]  # canopen is not typed
             SdoRefusalError: The drive refuses.
             BusError: The bus has failed.
         """
-        with self._transfer(f"reading 0x{index:04X}:{subindex}", timeout):
+        with self._transfer("reading", index, subindex, timeout):
             restarts = self._retries
             while True:
                 stream = self.open(index, subindex, buffering=0)
@@ -111,12 +120,13 @@ class SdoClient(CanopenClient):  # type: ignore[misc]  # canopen is not typed
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object of up to four bytes; raises as ``upload`` does."""
-        with self._transfer(f"writing 0x{index:04X}:{subindex}", None):
+        with self._transfer("writing", index, subindex, None):
             super().download(index, subindex, data)
 
     @contextmanager
-    def _transfer(self, name: str, timeout: float | None) -> Iterator[None]:
+    def _transfer(self, what: str, index: int, sub: int, timeout: float | None) -> Iterator[None]:
         """Bound the wait for each answer, and name the axis and the object in errors."""
+        name = f"{what} 0x{index:04X}:{sub}"
         self.RESPONSE_TIMEOUT = self._timeout if timeout is None else timeout
         try:
             yield
@@ -126,6 +136,8 @@ class SdoClient(CanopenClient):  # type: ignore[misc]  # canopen is not typed
                 f"{self._drive}, {name}: refused, {words} (0x{refusal.code:08X})",
                 axis=self._axis,
                 abort=refusal.code,
+                index=index,
+                sub=sub,
             ) from refusal
         except SdoCommunicationError as silence:
             raise DriveTimeout(f"{self._drive}, {name}: {silence}", axis=self._axis) from silence

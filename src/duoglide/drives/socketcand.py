@@ -13,7 +13,7 @@ import socket
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import can
 
@@ -58,6 +58,28 @@ def decode_send(words: list[bytes]) -> Frame:
     return can_id | EXTENDED if extended else can_id, data
 
 
+def decode_received(words: list[bytes]) -> Frame | None:
+    """Read the words of a message from a server: a ``frame``, or an ``error`` frame.
+
+    An error frame comes as ``ERROR_FRAME``, and its data begins with the low byte of its
+    identifier. What a server says beside frames, or says wrongly, is None: it is data from outside
+    and must not end whoever reads it. A frame that was meant is then missed like any lost one.
+    """
+    if len(words) < 3 or words[0] not in (b"frame", b"error") or not words[1].isalnum():
+        return None
+    try:
+        can_id = int(words[1], 16)
+        data = bytes.fromhex(b"".join(words[3:]).decode())
+    except ValueError:
+        return None
+    if words[0] == b"error":
+        return ERROR_FRAME, bytes((can_id & 0xFF,)) + data[:8]
+    extended = len(words[1]) > _STANDARD_DIGITS
+    if len(data) > 8 or can_id >= (_EXTENDED_IDS if extended else _STANDARD_IDS):
+        return None
+    return can_id | EXTENDED if extended else can_id, data
+
+
 def local_name(port: int) -> str | None:
     """Return where a hub on this computer listens beside its TCP port; None where it cannot.
 
@@ -80,6 +102,14 @@ def _connect(host: str, port: int, timeout: float) -> socket.socket:
     connection = socket.create_connection((host, port), timeout)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connection
+
+
+def _seconds(text: bytes) -> float:
+    """Read a time stamp; 0 where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
 
 
 class MessageSplitter:
@@ -148,7 +178,7 @@ class SocketcandBus(can.BusABC):
             if not data:
                 break
             messages = self._splitter.feed(data)
-            self._received.extend(self._message(m) for m in messages if m[0] == b"frame")
+            self._received.extend(self._messages(messages))
             answers = [m for m in messages if m[0] != b"frame"]
             if answers and answers[0][0] == word:
                 return
@@ -157,15 +187,22 @@ class SocketcandBus(can.BusABC):
                 raise can.CanInitializationError(f"{self.channel_info} answered {text!r}")
         raise can.CanInitializationError(f"{self.channel_info} does not speak socketcand")
 
-    def _message(self, words: list[bytes]) -> can.Message:
-        return can.Message(
-            timestamp=float(words[2]),
-            arbitration_id=int(words[1], 16),
-            is_extended_id=len(words[1]) > _STANDARD_DIGITS,
-            is_error_frame=words[0] == b"error",
-            data=bytes.fromhex(b"".join(words[3:]).decode()),
-            channel=self._channel,
-        )
+    def _messages(self, messages: list[list[bytes]]) -> Iterator[can.Message]:
+        """Yield the frames among a server's messages."""
+        for words in messages:
+            frame = decode_received(words)
+            if frame is None:
+                continue
+            can_id, data = frame
+            failed = can_id == ERROR_FRAME
+            yield can.Message(
+                timestamp=_seconds(words[2]),
+                arbitration_id=data[0] if failed else can_id & ~EXTENDED,
+                is_extended_id=not failed and bool(can_id & EXTENDED),
+                is_error_frame=failed,
+                data=data[1:] if failed else data,
+                channel=self._channel,
+            )
 
     def fileno(self) -> int:
         """Return the socket's descriptor, to wait on."""
@@ -179,15 +216,16 @@ class SocketcandBus(can.BusABC):
         Raises:
             can.CanOperationError: The connection is gone.
         """
-        frames = [(m.arbitration_id, bytes(m.data)) for m in self._received if not m.is_extended_id]
+        frames = [
+            (m.arbitration_id, bytes(m.data))
+            for m in self._received
+            if not (m.is_extended_id or m.is_error_frame)
+        ]
         self._received.clear()
         for words in self._read():
-            kind, name, data = words[0], words[1], b"".join(words[3:])
-            if kind == b"frame" and len(name) <= _STANDARD_DIGITS:
-                frames.append((int(name, 16), bytes.fromhex(data.decode())))
-            elif kind == b"error":
-                low = bytes((int(name, 16) & 0xFF,))
-                frames.append((ERROR_FRAME, low + bytes.fromhex(data.decode())))
+            frame = decode_received(words)
+            if frame is not None and frame[0] < EXTENDED:
+                frames.append(frame)
         return frames
 
     def _read(self) -> list[list[bytes]]:
@@ -204,8 +242,7 @@ class SocketcandBus(can.BusABC):
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._received and self._poll.poll(None if timeout is None else timeout * 1e3):
-            kinds = (b"frame", b"error")
-            self._received.extend(self._message(m) for m in self._read() if m[0] in kinds)
+            self._received.extend(self._messages(self._read()))
         return (self._received.popleft() if self._received else None), False
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import SingularityError, UnreachableError
-from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.constants import CarriageConstants
 from duoglide.kinematics.kernels import SINGULAR
 
 EPSILON = 2.0**-52
@@ -52,21 +52,21 @@ class Loops:
     in_line: BoolArray
 
 
-def loops_of(carriages: FloatArray, k: Constants) -> Loops:
+def loops_of(carriages: FloatArray, k: CarriageConstants) -> Loops:
     """Evaluate both loops; a square near 0 is held against what rounding the carriages makes of it.
 
     The formulas are those of ``forward_pose``, up to its square roots of what may be negative here.
     """
-    l2, l3, F1, lift, l6, l9, _xb, _zb, m, *_ = k
+    l2, l3, F1, l6, l9 = k.l2, k.l3, k.F1, k.l6, k.l9
     a1, a2, a3 = (carriages[..., i] for i in range(3))
     noise = EPSILON * (np.abs(a1) + np.abs(a2) + np.abs(a3) + l3 + l2 + l9)
     B = a2 - a1 - l3
     rise = (l2 - 0.5 * B) * (l2 + 0.5 * B)
     rise_noise = np.maximum(l2 * noise, SINGULAR**2)
-    h = m * np.sqrt(np.maximum(rise, 0.0))
+    h = k.m * np.sqrt(np.maximum(rise, 0.0))
     h_noise = noise * l2 / np.maximum(np.abs(h), np.sqrt(rise_noise))
     F2 = 0.5 * (a1 + a2) - a3
-    F3 = lift + h
+    F3 = k.lift + h
     E = F1 * F1 + F3 * F3
     R = (l9 - F2) * (l9 + F2)
     K = 0.5 * (R + E - l6 * l6)
@@ -89,7 +89,7 @@ def loops_of(carriages: FloatArray, k: Constants) -> Loops:
     )
 
 
-def require_forward(carriages: FloatArray, k: Constants) -> None:
+def require_forward(carriages: FloatArray, k: CarriageConstants) -> None:
     """Refuse the first triple of finite carriages that gives no pose, or no definite one.
 
     Raises:
@@ -117,8 +117,10 @@ def require_forward(carriages: FloatArray, k: Constants) -> None:
     raise SingularityError(text, index=index, family=name)
 
 
-def _legs_too_short(start: str, index: tuple[int, ...], B: float, k: Constants) -> UnreachableError:
-    l2, l3, *_ = k
+def _legs_too_short(
+    start: str, index: tuple[int, ...], B: float, k: CarriageConstants
+) -> UnreachableError:
+    l2, l3 = k.l2, k.l3
     short = 0.5 * abs(B) - l2
     return UnreachableError(
         f"{start}the legs are {short:.6g} mm too short; yA2 - yA1 must be from"
@@ -130,11 +132,11 @@ def _legs_too_short(start: str, index: tuple[int, ...], B: float, k: Constants) 
 
 
 def _loop_open(
-    start: str, index: tuple[int, ...], sides: tuple[float, float], k: Constants
+    start: str, index: tuple[int, ...], sides: tuple[float, float], k: CarriageConstants
 ) -> UnreachableError:
     """Say which of arm and strut is too short; ``sides`` are the offset and the centre."""
     offset, centre = sides
-    _, _, _, _, l6, l9, *_ = k
+    l6, l9 = k.l6, k.l9
     if offset > l9:
         link, short = "strut", offset - l9
         remedy = f"carriage 3 must stand within {l9:.6g} mm of the platform along y"

@@ -1,18 +1,12 @@
-"""What the formulas need of a geometry: its plane, and the numbers of a mode kept on the geometry.
-
-The kernels take plain tuples and unpack them in one line: a named tuple takes 0.15 us longer to
-unpack, and one pose takes 3 us in all.
-"""
+"""What the formulas need of a geometry: its plane, and its numbers in one mode."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeVar
 
 from duoglide.errors import InputError
 from duoglide.kinematics.modes import AssemblyMode, WorkingMode, number
 from duoglide.machine import Geometry
-
-Constants: TypeAlias = tuple[float, ...]
 
 FAINT = 1e-12  # share of the square of a length, below which rounding has to be looked at
 
@@ -50,72 +44,144 @@ class Plane(NamedTuple):
         )
 
 
-def pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
-    """Return what ``inverse_pose`` and ``margins_pose`` need, in their order.
+class PoseConstants(NamedTuple):
+    """What the formulas that begin with the platform need, all floats: numba wants one type.
+
+    Attributes:
+        cx: As in ``Plane`` [mm], and so are ``base``, ``xb`` and ``zb``.
+        base: See there.
+        l6: Arm length [mm].
+        l2: Leg length [mm].
+        half_l3: Half the length of the coupler [mm].
+        xb: See ``Plane``.
+        zb: The same.
+        l9: Strut length [mm].
+        v: Sign of sin(beta).
+        w1: Sign of the first leg's stroke along y.
+        w2: Sign of the second leg's.
+        w3: Sign of the strut's.
+    """
+
+    cx: float
+    base: float
+    l6: float
+    l2: float
+    half_l3: float
+    xb: float
+    zb: float
+    l9: float
+    v: float
+    w1: float
+    w2: float
+    w3: float
+
+
+class CarriageConstants(NamedTuple):
+    """What the formulas that begin with the carriages need, all floats.
+
+    Attributes:
+        l2: Leg length [mm].
+        l3: Coupler length [mm].
+        F1: As in ``Plane`` [mm], and so are ``lift``, ``xb`` and ``zb``.
+        lift: See there.
+        l6: Arm length [mm].
+        l9: Strut length [mm].
+        xb: See ``Plane``.
+        zb: The same.
+        m: Sign of the rise of the legs.
+        n: Which intersection of the arm's and the strut's circle.
+        F1F1: Square of F1 [mm^2].
+        l6l6: Square of l6 [mm^2].
+        faint_rise: Square of the rise, below which rounding has to be looked at [mm^2].
+        faint_cross: The same of the square that arm and strut span [mm^4].
+    """
+
+    l2: float
+    l3: float
+    F1: float
+    lift: float
+    l6: float
+    l9: float
+    xb: float
+    zb: float
+    m: float
+    n: float
+    F1F1: float
+    l6l6: float
+    faint_rise: float
+    faint_cross: float
+
+
+_Constants = TypeVar("_Constants", PoseConstants, CarriageConstants)
+
+
+def pose_constants(g: Geometry, mode: WorkingMode) -> PoseConstants:
+    """Return what the formulas that begin with the platform need.
 
     Raises:
         InputError: Not a geometry and a working mode.
     """
     try:
-        known: Constants = g.pose_constants[mode.code]
+        known: PoseConstants = g.pose_constants[mode.code]
     except (AttributeError, LookupError, TypeError):
         return _new_pose_constants(g, mode)
     return known
 
 
-def carriage_constants(g: Geometry, mode: AssemblyMode) -> Constants:
-    """Return what ``forward_pose`` needs, in its order.
+def carriage_constants(g: Geometry, mode: AssemblyMode) -> CarriageConstants:
+    """Return what the formulas that begin with the carriages need.
 
     Raises:
         InputError: Not a geometry and an assembly mode.
     """
     try:
-        known: Constants = g.carriage_constants[mode.code]
+        known: CarriageConstants = g.carriage_constants[mode.code]
     except (AttributeError, LookupError, TypeError):
         return _new_carriage_constants(g, mode)
     return known
 
 
-def _new_pose_constants(g: Geometry, mode: WorkingMode) -> Constants:
+def _new_pose_constants(g: Geometry, mode: WorkingMode) -> PoseConstants:
     _require(g, mode, WorkingMode)
     plane = Plane.of(g)
-    constants = (
-        plane.cx,
-        plane.base,
-        g.arm_length,
-        g.leg_length,
-        0.5 * g.coupler_length,
-        plane.xb,
-        plane.zb,
-        g.strut_length,
-        1.0 * mode.v,  # numba wants all of one type
-        1.0 * mode.w1,
-        1.0 * mode.w2,
-        1.0 * mode.w3,
+    constants = PoseConstants(
+        cx=plane.cx,
+        base=plane.base,
+        l6=g.arm_length,
+        l2=g.leg_length,
+        half_l3=0.5 * g.coupler_length,
+        xb=plane.xb,
+        zb=plane.zb,
+        l9=g.strut_length,
+        v=float(mode.v),
+        w1=float(mode.w1),
+        w2=float(mode.w2),
+        w3=float(mode.w3),
     )
     return _remember(g, "pose_constants", mode, constants)
 
 
-def _new_carriage_constants(g: Geometry, mode: AssemblyMode) -> Constants:
+def _new_carriage_constants(g: Geometry, mode: AssemblyMode) -> CarriageConstants:
     _require(g, mode, AssemblyMode)
-    _, _, xb, zb, F1, lift = Plane.of(g)
+    plane = Plane.of(g)
+    F1, lift = plane.F1, plane.lift
     l2, l6, l9 = g.leg_length, g.arm_length, g.strut_length
     largest = l9 * l9 + l6 * l6 + F1 * F1 + (abs(lift) + l2) ** 2  # of the squares in ``cross``
-    constants = (
-        l2,
-        g.coupler_length,
-        F1,
-        lift,
-        l6,
-        l9,
-        xb,
-        zb,
-        1.0 * mode.m,
-        1.0 * mode.n,
-        F1 * F1,
-        l6 * l6,
-        FAINT * l2 * l2,
-        FAINT * largest * largest,
+    constants = CarriageConstants(
+        l2=l2,
+        l3=g.coupler_length,
+        F1=F1,
+        lift=lift,
+        l6=l6,
+        l9=l9,
+        xb=plane.xb,
+        zb=plane.zb,
+        m=float(mode.m),
+        n=float(mode.n),
+        F1F1=F1 * F1,
+        l6l6=l6 * l6,
+        faint_rise=FAINT * l2 * l2,
+        faint_cross=FAINT * largest * largest,
     )
     return _remember(g, "carriage_constants", mode, constants)
 
@@ -130,10 +196,10 @@ def _require(g: Any, mode: Any, kind: type[WorkingMode | AssemblyMode]) -> None:
 
 
 def _remember(
-    g: Geometry, slot: str, mode: WorkingMode | AssemblyMode, constants: Constants
-) -> Constants:
+    g: Geometry, slot: str, mode: WorkingMode | AssemblyMode, constants: _Constants
+) -> _Constants:
     """Keep constants on the geometry, under the number of the mode."""
     if not hasattr(g, slot):
         object.__setattr__(g, slot, {})
-    kept: Constants = getattr(g, slot).setdefault(number(mode), constants)
+    kept: _Constants = getattr(g, slot).setdefault(number(mode), constants)
     return kept

@@ -3,9 +3,9 @@
 Leibniz' rule on that product, solved for the highest derivative of r, gives them. It stands here
 three times, because it is asked for in three ways. ``root_jet`` is the first three for one pose:
 the stream has no time for arrays, and the search for a timing compiles it. ``root_jets`` is for
-many poses, by whole columns, and for as many orders as are asked for. ``root_bounds`` is
-``root_jet`` with the absolute value of each term: it bounds the derivatives where a, b and theirs
-are known only within bounds. Tests hold the three together.
+many poses, by whole columns, and for as many orders as are asked for. ``root_bounds`` and
+``root_jet_bounds`` are those two with the absolute value of each term: they bound the derivatives
+where a, b and theirs are known only within bounds. Tests hold them together.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from math import comb, sqrt
 from typing import Any, TypeAlias
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.constants import PoseConstants
 
 Jet: TypeAlias = tuple[float, float, float, float]  # a value and three derivatives
 ArrayJet: TypeAlias = list[FloatArray]  # values, first derivatives, second, ...
@@ -61,12 +61,27 @@ def root_jets(value: FloatArray, *sides: ArrayJet) -> ArrayJet:
     Returns:
         The jet of r, of the order of the sides.
     """
-    order = len(sides[0])
-    jet = [value]
-    if order == 1:
-        return jet
-    scale = -1.0 / value
-    for n in range(1, order):
+    if len(sides[0]) == 1:
+        return [value]  # which may be 0: on the edge of reach only the derivatives are infinite
+    return _solve([value], -1.0 / value, sides)
+
+
+def root_jet_bounds(low: FloatArray, *sides: ArrayJet) -> ArrayJet:
+    """Bound the derivatives of a root r >= low: ``root_jets``, every term +, to any order.
+
+    Args:
+        low: Least r, above 0.
+        sides: Bounds on a, b, ... and their derivatives, all of one order.
+
+    Returns:
+        ``low``, and bounds on the derivatives of r.
+    """
+    return _solve([low], 1.0 / low, sides)
+
+
+def _solve(jet: ArrayJet, scale: FloatArray, sides: tuple[ArrayJet, ...]) -> ArrayJet:
+    """Append to the value of a root its derivatives, one after the other."""
+    for n in range(1, len(sides[0])):
         total = _half_of_square(sides[0], n)
         for side in sides[1:]:
             total = total + _half_of_square(side, n)
@@ -90,17 +105,17 @@ def _half_of_square(jet: ArrayJet, n: int, first: int = 0) -> FloatArray:
     return total
 
 
-def carriage_jets(x: Jet, y: Jet, z: Jet, k: Constants) -> tuple[Jet, Jet, Jet]:
+def carriage_jets(x: Jet, y: Jet, z: Jet, k: PoseConstants) -> tuple[Jet, Jet, Jet]:
     """Carry a position and three derivatives through the closed form.
 
     Beyond reach, in plain floats, a square root or a quotient fails; compiled, the third derivative
     of carriage 1 or 3 is not finite.
     """
-    cx, base, l6, l2, half, xb, zb, l9, v, w1, w2, w3 = k
-    u, X, Z = x[0] - cx, x[0] - xb, z[0] - zb
+    l6, l2, l9, half, w1, w2, w3 = k.l6, k.l2, k.l9, k.half_l3, k.w1, k.w2, k.w3
+    u, X, Z = x[0] - k.cx, x[0] - k.xb, z[0] - k.zb
     none = (0.0, 0.0, 0.0, 0.0)
-    A = root_jet(v * sqrt((l6 - u) * (l6 + u)), (u, x[1], x[2], x[3]), none)
-    h = (z[0] - base - A[0], z[1] - A[1], z[2] - A[2], z[3] - A[3])
+    A = root_jet(k.v * sqrt((l6 - u) * (l6 + u)), (u, x[1], x[2], x[3]), none)
+    h = (z[0] - k.base - A[0], z[1] - A[1], z[2] - A[2], z[3] - A[3])
     p = root_jet(sqrt((l2 - h[0]) * (l2 + h[0])), h, none)
     across, up = (X, x[1], x[2], x[3]), (Z, z[1], z[2], z[3])
     q = root_jet(sqrt(l9 * l9 - (X * X + Z * Z)), across, up)

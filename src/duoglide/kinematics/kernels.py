@@ -1,7 +1,7 @@
 """The closed forms, once: for one pose in floats, and for columns of poses in arrays.
 
 Every ``_pose`` is plain arithmetic and ``sqrt``, and serves one pose as it stands. ``in_numpy``
-gives the same code functions that take arrays. ``_batch`` has numba compile the ``_loop``s.
+gives the same code functions that take arrays. ``batch`` has numba compile the ``_loop``s.
 They run along flat arrays, so that the stride is a constant and the compiler can use vector
 registers. All three agree to the last bit.
 
@@ -19,54 +19,56 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.constants import FAINT, Constants
+from duoglide.kinematics.constants import FAINT, CarriageConstants, PoseConstants
 
 SINGULAR = 1e-9  # [mm], below which a pose counts as lying on a singular surface
 
 
-def inverse_pose(x: float, y: float, z: float, k: Constants) -> tuple[float, float, float]:
+def inverse_pose(x: float, y: float, z: float, k: PoseConstants) -> tuple[float, float, float]:
     """Carriages of one pose, Eqs. 13-15 with L3 corrected."""
-    cx, base, l6, l2, half, xb, zb, l9, v, w1, w2, w3 = k
-    u = x - cx
-    X = x - xb
-    Z = z - zb
-    h = z - base - v * sqrt((l6 - u) * (l6 + u))
+    l6, l2, l9, half = k.l6, k.l2, k.l9, k.half_l3
+    u = x - k.cx
+    X = x - k.xb
+    Z = z - k.zb
+    h = z - k.base - k.v * sqrt((l6 - u) * (l6 + u))
     p = sqrt((l2 - h) * (l2 + h))
     q = sqrt(l9 * l9 - (X * X + Z * Z))
-    return y - half + w1 * p, y + half + w2 * p, y + w3 * q
+    return y - half + k.w1 * p, y + half + k.w2 * p, y + k.w3 * q
 
 
-def jacobian_pose(x: float, z: float, k: Constants) -> tuple[float, float, float, float]:
+def jacobian_pose(x: float, z: float, k: PoseConstants) -> tuple[float, float, float, float]:
     """Slopes of one pose: of p by x and by z, and of q by x and by z."""
-    cx, base, l6, l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k
-    u = x - cx
-    X = x - xb
-    Z = z - zb
-    A = v * sqrt((l6 - u) * (l6 + u))
-    h = z - base - A
+    l6, l2, l9 = k.l6, k.l2, k.l9
+    u = x - k.cx
+    X = x - k.xb
+    Z = z - k.zb
+    A = k.v * sqrt((l6 - u) * (l6 + u))
+    h = z - k.base - A
     slope = -h / sqrt((l2 - h) * (l2 + h))
     q = sqrt(l9 * l9 - (X * X + Z * Z))
     return slope * (u / A), slope, -X / q, -Z / q
 
 
-def margins_pose(x: float, z: float, k: Constants) -> tuple[float, float, float, float]:
+def margins_pose(x: float, z: float, k: PoseConstants) -> tuple[float, float, float, float]:
     """Margins of one pose: strut, legs flat (h), arm in line with strut, arm flat."""
-    cx, base, l6, _l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k
-    u = x - cx
-    X = x - xb
-    Z = z - zb
-    A = v * sqrt((l6 - u) * (l6 + u))
-    h = z - base - A
-    return l9 - sqrt(X * X + Z * Z), h, (X * A - Z * u) / l6, l6 - abs(u)
+    l6 = k.l6
+    u = x - k.cx
+    X = x - k.xb
+    Z = z - k.zb
+    A = k.v * sqrt((l6 - u) * (l6 + u))
+    h = z - k.base - A
+    return k.l9 - sqrt(X * X + Z * Z), h, (X * A - Z * u) / l6, l6 - abs(u)
 
 
-def legs_pose(h: float, k: Constants) -> tuple[float, float]:
+def legs_pose(h: float, k: PoseConstants) -> tuple[float, float]:
     """Margins that the rise of the legs alone decides: legs vertical and legs parallel (|B|)."""
-    l2 = k[3]
-    return l2 - abs(h), abs(k[10] - k[9]) * sqrt((l2 - h) * (l2 + h))
+    l2 = k.l2
+    return l2 - abs(h), abs(k.w2 - k.w1) * sqrt((l2 - h) * (l2 + h))
 
 
-def forward_pose(a1: float, a2: float, a3: float, k: Constants) -> tuple[float, float, float, bool]:
+def forward_pose(
+    a1: float, a2: float, a3: float, k: CarriageConstants
+) -> tuple[float, float, float, bool]:
     """Platform position for one triple of carriages, Eqs. 8-11 without their quotients.
 
     C3 lies on a circle of radius l6 about (F1, F3) and on one about B3; n names the intersection.
@@ -74,23 +76,23 @@ def forward_pose(a1: float, a2: float, a3: float, k: Constants) -> tuple[float, 
     Returns:
         x, y, z; and whether they are certainly far from every singularity.
     """
-    l2, l3, F1, lift, _l6, l9, xb, zb, m, n, F1F1, l6l6, faint_rise, faint_cross = k
-    B = a2 - a1 - l3
+    l2, l9, F1 = k.l2, k.l9, k.F1
+    B = a2 - a1 - k.l3
     half_B = 0.5 * B
     rise = (l2 - half_B) * (l2 + half_B)
     y = 0.5 * (a1 + a2)
     F2 = y - a3
-    F3 = lift + m * sqrt(rise)
-    E = F1F1 + F3 * F3
+    F3 = k.lift + k.m * sqrt(rise)
+    E = k.F1F1 + F3 * F3
     R = (l9 - F2) * (l9 + F2)
-    K = 0.5 * (R + E - l6l6)
+    K = 0.5 * (R + E - k.l6l6)
     cross = R * E - K * K
-    turn = n * sqrt(cross)
+    turn = k.n * sqrt(cross)
     share = 1.0 / E
     X = (F1 * K - F3 * turn) * share
     Z = (F3 * K + F1 * turn) * share
-    sure = (B * B > FAINT) & (rise > faint_rise) & (cross > faint_cross)
-    return X + xb, y, Z + zb, sure
+    sure = (B * B > FAINT) & (rise > k.faint_rise) & (cross > k.faint_cross)
+    return X + k.xb, y, Z + k.zb, sure
 
 
 def case2_point(delta: float, F1: float, l6: float, v: float) -> tuple[float, ...]:
@@ -107,7 +109,7 @@ def case2_point(delta: float, F1: float, l6: float, v: float) -> tuple[float, ..
     )
 
 
-def inverse_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
+def inverse_loop(flat: FloatArray, out: FloatArray, k: PoseConstants) -> int:
     """Run ``inverse_pose`` along x, y, z, x, y, z, ...; return how many poses it cannot answer."""
     failed = 0
     for i in range(flat.size // 3):
@@ -120,7 +122,7 @@ def inverse_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
     return failed
 
 
-def forward_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
+def forward_loop(flat: FloatArray, out: FloatArray, k: CarriageConstants) -> int:
     """Run ``forward_pose`` along carriages 1, 2, 3, 1, ...; return how many are not sure."""
     failed = 0
     for i in range(flat.size // 3):
@@ -132,11 +134,11 @@ def forward_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
     return failed
 
 
-def margins_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
+def margins_loop(flat: FloatArray, out: FloatArray, k: PoseConstants) -> int:
     """Run ``margins_pose`` along x, y, z, x, ...; return how many poses are not within reach."""
     failed = 0
     n = flat.size // 3
-    leg = k[3]
+    leg = k.l2
     for i in range(n):
         y = flat[3 * i + 1]
         strut, h, in_line, arm = margins_pose(flat[3 * i], flat[3 * i + 2], k)
@@ -148,7 +150,7 @@ def margins_loop(flat: FloatArray, out: FloatArray, k: Constants) -> int:
     return failed
 
 
-def legs_loop(rise: FloatArray, out: FloatArray, k: Constants) -> int:
+def legs_loop(rise: FloatArray, out: FloatArray, k: PoseConstants) -> int:
     """Run ``legs_pose`` along the rises of the legs; one half of ``out`` after the other."""
     n = rise.size
     for i in range(n):

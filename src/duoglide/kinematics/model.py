@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray, as_triples
 from duoglide.errors import InputError
-from duoglide.kinematics._batch import (
+from duoglide.kinematics._forward import require_forward
+from duoglide.kinematics.batch import (
     as_batch,
     as_pose,
     forward_many,
@@ -15,8 +16,7 @@ from duoglide.kinematics._batch import (
     margins_one,
     triple,
 )
-from duoglide.kinematics._forward import require_forward
-from duoglide.kinematics.constants import Constants, carriage_constants, pose_constants
+from duoglide.kinematics.constants import PoseConstants, carriage_constants, pose_constants
 from duoglide.kinematics.derivatives import root_jets, shift
 from duoglide.kinematics.kernels import forward_pose, in_numpy, inverse_pose, jacobian_pose
 from duoglide.kinematics.modes import ASSEMBLY, WORKING, AssemblyMode, WorkingMode
@@ -62,12 +62,11 @@ def inverse(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
     return many if real else _inverse_at_edge(as_triples(array, "position"), k)
 
 
-def _inverse_at_edge(position: FloatArray, k: Constants) -> FloatArray:
+def _inverse_at_edge(position: FloatArray, k: PoseConstants) -> FloatArray:
     """Refuse what is beyond reach; take what only rounding has put there for the edge itself."""
     reach = require_reach(position, k)
-    _, _, _, _, half, _, _, _, _, w1, w2, w3 = k
-    y = position[..., 1]
-    columns = y - half + w1 * reach.p, y + half + w2 * reach.p, y + w3 * reach.q
+    y, half = position[..., 1], k.half_l3
+    columns = y - half + k.w1 * reach.p, y + half + k.w2 * reach.p, y + k.w3 * reach.q
     return np.stack(columns, axis=-1)
 
 
@@ -145,22 +144,21 @@ def jacobian(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKIN
         SingularityError: On the edge of reach, where a derivative is infinite.
     """
     k = pose_constants(geometry, mode)
-    _, _, w3 = signs = k[9:]
     if (pose := as_pose(position)) and (measured := margins_one(pose, k)):
         strut, h, _, arm = measured
-        if min(strut, k[3] - abs(h), arm) > CLEARLY_INSIDE:
+        if min(strut, k.l2 - abs(h), arm) > CLEARLY_INSIDE:
             px, pz, qx, qz = jacobian_pose(pose[0], pose[2], k)
-            rows = [(w * px, 1.0, w * pz) for w in signs[:2]]
-            return np.array([*rows, (w3 * qx, 1.0, w3 * qz)])
+            rows = [(w * px, 1.0, w * pz) for w in (k.w1, k.w2)]
+            return np.array([*rows, (k.w3 * qx, 1.0, k.w3 * qz)])
     array = as_triples(position, "position")
     require_inside(array, require_reach(array, k))
-    slopes = _jacobian_columns(array[..., 0], array[..., 2], k)
+    px, pz, qx, qz = _jacobian_columns(array[..., 0], array[..., 2], k)
     result = np.empty((*array.shape, 3))
     result[..., :, 1] = 1.0
-    for column, p, q in ((0, slopes[0], slopes[2]), (2, slopes[1], slopes[3])):
-        for row, w in enumerate(signs[:2]):
+    for column, p, q in ((0, px, qx), (2, pz, qz)):
+        for row, w in enumerate((k.w1, k.w2)):
             result[..., row, column] = w * p
-        result[..., 2, column] = w3 * q
+        result[..., 2, column] = k.w3 * q
     return result
 
 

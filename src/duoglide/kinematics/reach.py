@@ -9,7 +9,7 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import SingularityError, UnreachableError
-from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.constants import PoseConstants
 from duoglide.kinematics.kernels import in_numpy
 
 EDGE = 1e-9  # [mm], by which rounding may leave a pose on the edge outside it
@@ -40,19 +40,19 @@ class Reach:
         return np.asarray((self.lacking <= EDGE).all(axis=-1))
 
 
-def links_pose(x: float, z: float, k: Constants) -> tuple[float, ...]:
+def links_pose(x: float, z: float, k: PoseConstants) -> tuple[float, ...]:
     """Square roots of one pose, as in ``Reach``, and what arm, legs and strut lack."""
-    cx, base, l6, l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k
-    u = x - cx
-    A = v * sqrt(max((l6 - u) * (l6 + u), 0.0))
-    h = z - base - A
-    X = x - xb
-    Z = z - zb
+    l6, l2, l9 = k.l6, k.l2, k.l9
+    u = x - k.cx
+    A = k.v * sqrt(max((l6 - u) * (l6 + u), 0.0))
+    h = z - k.base - A
+    X = x - k.xb
+    Z = z - k.zb
     p = sqrt(max((l2 - h) * (l2 + h), 0.0))
     square = X * X + Z * Z
     q = sqrt(max(l9 * l9 - square, 0.0))
     # near the arm's own edge, rounding x alone moves A, and h with it, by up to a square root
-    noise = 2.0**-51 * l6 * (abs(x) + abs(cx) + l6)
+    noise = 2.0**-51 * l6 * (abs(x) + abs(k.cx) + l6)
     slack = noise / max(abs(A), sqrt(noise))
     return A, h, p, q, abs(u) - l6, abs(h) - l2 - slack, sqrt(square) - l9
 
@@ -60,14 +60,14 @@ def links_pose(x: float, z: float, k: Constants) -> tuple[float, ...]:
 _links_columns = in_numpy(links_pose)
 
 
-def reach_of(position: FloatArray, k: Constants) -> Reach:
+def reach_of(position: FloatArray, k: PoseConstants) -> Reach:
     """Evaluate every link at finite positions of shape (..., 3); never fails."""
     with np.errstate(over="ignore"):
         A, h, p, q, *lacking = _links_columns(position[..., 0], position[..., 2], k)
     return Reach(A=A, h=h, p=p, q=q, lacking=np.stack(lacking, axis=-1))
 
 
-def require_reach(position: FloatArray, k: Constants) -> Reach:
+def require_reach(position: FloatArray, k: PoseConstants) -> Reach:
     """Evaluate every link, and refuse the first position that one of them is too short for.
 
     Raises:
@@ -103,23 +103,22 @@ def require_inside(position: FloatArray, reach: Reach) -> None:
 
 
 def _unreachable(
-    pose: FloatArray, reach: Reach, index: tuple[int, ...], k: Constants
+    pose: FloatArray, reach: Reach, index: tuple[int, ...], k: PoseConstants
 ) -> UnreachableError:
-    cx, base, l6, l2, _half, xb, zb, l9, *_ = k
     x, y, z = pose.tolist()
     arm, legs, strut = reach.lacking[index].tolist()
     if arm > EDGE:
         link, short = "arm", arm
-        remedy = f"x from {cx - l6:.6g} to {cx + l6:.6g} mm is within it"
+        remedy = f"x from {k.cx - k.l6:.6g} to {k.cx + k.l6:.6g} mm is within it"
     elif strut >= legs:
         link, short = "strut", strut
-        scale = l9 / (l9 + strut)
-        near = (xb + (x - xb) * scale, zb + (z - zb) * scale)
-        remedy = f"(x, z) = ({near[0]:.6g}, {near[1]:.6g}) is the nearest that it reaches"
+        scale = k.l9 / (k.l9 + strut)
+        near_x, near_z = k.xb + (x - k.xb) * scale, k.zb + (z - k.zb) * scale
+        remedy = f"(x, z) = ({near_x:.6g}, {near_z:.6g}) is the nearest that it reaches"
     else:
         link, short = "legs", legs
-        middle = base + float(reach.A[index])
-        remedy = f"at this x they reach z from {middle - l2:.6g} to {middle + l2:.6g} mm"
+        middle = k.base + float(reach.A[index])
+        remedy = f"at this x they reach z from {middle - k.l2:.6g} to {middle + k.l2:.6g} mm"
     where = f"position[{', '.join(map(str, index))}]" if index else "position"
     verb = "are" if link == "legs" else "is"
     return UnreachableError(

@@ -12,7 +12,7 @@ from duoglide.errors import InputError, UnreachableError
 from duoglide.kinematics.headroom.room import TOUCHING
 from duoglide.kinematics.model import forward, inverse, reachable
 from duoglide.kinematics.modes import AssemblyMode, WorkingMode
-from duoglide.kinematics.singularity import margins
+from duoglide.kinematics.singularity.margins import margins
 from duoglide.machine import Geometry
 
 SIGNS = (1, -1)

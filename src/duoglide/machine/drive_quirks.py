@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import StrEnum
 
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
-from duoglide.machine.meaning import documented, setting, unit_of
+from duoglide.machine.drive_contract import OPTIONAL_OBJECTS
+from duoglide.machine.meaning import documented, setting, told, unit_of
 
-# Objects that a drive may lack: what they would say is then checked by the host alone, or lost.
-OPTIONAL_OBJECTS = frozenset(
-    {
-        *(0x1006, 0x1007, 0x1016, 0x1019, 0x1029, 0x2010),
-        *(0x6007, 0x605B, 0x605C, 0x605D, 0x605E, 0x6065, 0x6066, 0x607C, 0x607D, 0x607F),
-        *(0x6085, 0x6099, 0x609A, 0x60C2, 0x60FD, 0x60FE),
-    }
-)
 _METHODS = range(-128, 38)  # 0x6098 is an i8; CiA 402 names 1 to 37, negative ones are vendors'
+
+
+class Interlock(StrEnum):
+    """What bit 3 of the digital inputs, 0x60FD, is while safe torque off is active."""
+
+    SET = "set"
+    CLEAR = "clear"
+    NONE = "none"  # the bit means something else, or nothing
 
 
 @documented
@@ -59,8 +61,21 @@ class Quirks:
 
     vendor_id: int = setting(0, "0x1018:1 that the drive must have; 0 accepts any")
     product_code: int = setting(0, "0x1018:2 that the drive must have; 0 accepts any")
+    trust_csp: bool = setting(
+        False, "whether the drive knows cyclic synchronous position although 0x6502 lacks its bit"
+    )
     quick_stop_option: int = setting(
         6, "0x605A: 6 brakes at 0x6085 and holds, 2 brakes and then powers off"
+    )
+    interlock: Interlock = field(
+        default=Interlock.SET,
+        metadata=told(
+            'what bit 3 of 0x60FD is while safe torque off is active: "set", "clear", or "none" '
+            "where the drive does not say it there"
+        ),
+    )
+    home_object: tuple[int, int] = setting(
+        (0x607C, 0), "[index, subindex] of the position at the place of reference, 32 bits"
     )
     home_offset_sign: int = setting(1, "-1 for a drive that subtracts 0x607C where others add it")
     setpoint_timer: bool = setting(
@@ -79,12 +94,19 @@ class Quirks:
         rules.whole("quick_stop_option", self.quick_stop_option, -32768, 32767)
         if self.home_offset_sign not in (-1, 1):
             raise ConfigError(f"home_offset_sign = {self.home_offset_sign!r:.80}: must be +1 or -1")
-        if not isinstance(self.setpoint_timer, bool):
-            raise ConfigError(
-                f"setpoint_timer = {self.setpoint_timer!r:.80}: must be true or false"
-            )
+        for key in ("trust_csp", "setpoint_timer"):
+            rules.true_or_false(key, getattr(self, key))
+        object.__setattr__(self, "interlock", rules.one_of(Interlock, "interlock", self.interlock))
+        home = rules.several_whole("home_object", self.home_object, 0, 0xFFFF, 2)
+        object.__setattr__(
+            self, "home_object", (home[0], rules.whole("home_object", home[1], 0, 255))
+        )
         self._check_absent()
         self._check_writes()
+
+    def has(self, index: int) -> bool:
+        """Whether the drive has an optional object."""
+        return index not in self.absent
 
     def _check_absent(self) -> None:
         if not isinstance(self.absent, list | tuple):

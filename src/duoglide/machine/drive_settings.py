@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from duoglide.errors import ConfigError
 from duoglide.machine import rules
+from duoglide.machine.drive_profiles import PROFILES, profile_quirks, three_profiles
 from duoglide.machine.drive_quirks import Homing, Quirks
 from duoglide.machine.meaning import documented, setting, told, unit_of
 
 BIT_RATES = (125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
+_HERE = 37  # the homing method without a profile
 _MOST_INCREMENTS = 2**32 - 1  # per s^2 in 0x6085
 _MOST_MILLISECONDS = 65.535  # 0x1017, 0x1400:5 and 0x6066 are 16-bit milliseconds [s]
+
+
+def _no_table() -> Any:
+    """Return a table that says nothing: the profile and the defaults complete it."""
+    return {}
+
+
+def _no_tables() -> Any:
+    return ({}, {}, {})
 
 
 @documented
@@ -43,7 +55,38 @@ class DriveSettings:
         "which is less than 60 m/s^2 above 71 582 increments per mm",
         "mm/s^2",
     )
-    following_error_window: float = setting(15.0, "0x6065", "mm")
+    following_error_window: float = setting(
+        15.0,
+        "0x6065, and what a carriage may be off at full speed from where its setpoints and its "
+        "known lag put it",
+        "mm",
+    )
+    following_error_at_rest: float = setting(
+        1.0,
+        "what a carriage may be off at rest; between rest and full speed it grows with the speed",
+        "mm",
+    )
+    lasting_error: float = setting(
+        0.7, "what a carriage may stay off, on the average of a tenth of a second", "mm"
+    )
+    goal_tolerance: float = setting(
+        0.3, "how near the last setpoint all carriages must come for a run to be completed", "mm"
+    )
+    settling_time: float = setting(
+        0.5, "how long after the last setpoint they may take for that", "s"
+    )
+    lag: tuple[float, float, float] = setting(
+        (7e-5, 7e-5, 7e-5),
+        "by how much a carriage trails its setpoint at constant speed, one value or three; "
+        "`duoglide commission` learns it. The defaults are those of the simulated drives",
+        "s",
+    )
+    acceleration_lag: tuple[float, float, float] = setting(
+        (4e-6, 4e-6, 4e-6),
+        "by how many mm it trails for each mm/s^2 of acceleration: 1 / (2 pi f)^2 for a position "
+        "loop of f Hz; likewise",
+        "s^2",
+    )
     following_error_time: float = setting(0.01, "0x6066, how long the window may be left", "s")
     host_id: int = setting(127, "the host's own node number, in its heartbeat; not one of node_ids")
     heartbeat_period: float = setting(
@@ -66,15 +109,20 @@ class DriveSettings:
     boot_timeout: float = setting(5.0, "how long a drive may take to say anything at all", "s")
     sdo_timeout: float = setting(0.5, "how long a drive may take to answer one request", "s")
     sdo_retries: int = setting(2, "how often a request without an answer is sent again")
+    profile: tuple[str, str, str] = setting(
+        ("", "", ""),
+        "make of the drives, one name or one per axis: it fills in what quirks and "
+        "homing do not say; see the docs, Drives of other makers",
+    )
     homing: Homing = field(
-        default_factory=Homing,
+        default_factory=_no_table,
         metadata=told("how the position reference is found (CiA 402 homing mode)"),
     )
     quirks: tuple[Quirks, Quirks, Quirks] = field(
-        default_factory=lambda: (Quirks(), Quirks(), Quirks()),
+        default_factory=_no_tables,
         metadata=told(
-            "what each drive does in its own way, one table per axis; the defaults are the "
-            "drive of firmware_interface/"
+            "what each drive does in its own way, one table per axis, or one for all; the "
+            "defaults are the drive of firmware_interface/"
         ),
     )
 
@@ -121,8 +169,18 @@ class DriveSettings:
         self._store(direction=rules.three_whole("direction", direction, -1, 1))
         if 0 in self.direction:
             raise ConfigError(f"direction = {list(self.direction)}: each must be +1 or -1")
-        window = rules.positive("following_error_window", self.following_error_window)
-        self._store(following_error_window=window)
+        self._check_following()
+
+    def _check_following(self) -> None:
+        for key in (
+            *("following_error_window", "following_error_at_rest"),
+            *("lasting_error", "goal_tolerance", "settling_time"),
+        ):
+            unit = unit_of(DriveSettings, key)
+            self._store(**{key: rules.positive(key, getattr(self, key), unit)})
+        for key in ("lag", "acceleration_lag"):
+            unit = unit_of(DriveSettings, key)
+            self._store(**{key: rules.any_per_carriage(key, getattr(self, key), unit)})
 
     def _check_times(self) -> None:
         for key, low, high in (
@@ -147,14 +205,29 @@ class DriveSettings:
             self._store(**{key: rules.whole(key, getattr(self, key), 0, 1000)})
 
     def _check_tables(self) -> None:
+        self._store(profile=three_profiles(self.profile))
         homing: object = self.homing
         if not isinstance(homing, Homing):
+            methods = [PROFILES[name].homing_method if name else _HERE for name in self.profile]
+            if isinstance(homing, Mapping):
+                homing = {"method": methods, **homing}
             self._store(homing=rules.build(Homing, homing, "homing"))
         quirks: object = self.quirks
+        if isinstance(quirks, list | tuple) and len(quirks) == 1:
+            quirks = [quirks[0]] * 3
         if not isinstance(quirks, list | tuple) or len(quirks) != 3:
-            raise ConfigError(f"quirks = {quirks!r:.80}: must be three tables, one per axis")
+            raise ConfigError(
+                f"quirks = {quirks!r:.80}: must be three tables, one per axis, or one for all"
+            )
         built = (
-            item if isinstance(item, Quirks) else rules.build(Quirks, item, f"quirks[{i}]")
-            for i, item in enumerate(quirks)
+            item if isinstance(item, Quirks) else _complete(item, name, f"quirks[{i}]")
+            for i, (item, name) in enumerate(zip(quirks, self.profile, strict=True))
         )
         self._store(quirks=tuple(built))
+
+
+def _complete(table: object, profile: str, prefix: str) -> Quirks:
+    """Build quirks from a table, and from a profile where the table says nothing."""
+    if isinstance(table, Mapping):
+        table = {**profile_quirks(profile), **table}
+    return rules.build(Quirks, table, prefix)

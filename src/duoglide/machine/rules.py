@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
+from enum import StrEnum
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,6 +15,8 @@ from duoglide.errors import ConfigError, InputError
 from duoglide.machine.meaning import phrases
 
 T = TypeVar("T")
+Word = TypeVar("Word", bound=StrEnum)
+_COUNTS = {2: "two", 3: "three"}
 
 
 def number(key: str, value: object, unit: str = "mm") -> float:
@@ -49,11 +52,42 @@ def whole(key: str, value: object, low: int, high: int) -> int:
     return int(value)
 
 
+def true_or_false(key: str, value: object) -> bool:
+    """Return ``value`` as a bool, or raise ConfigError."""
+    if not isinstance(value, bool):
+        raise ConfigError(f"{key} = {value!r:.80}: must be true or false")
+    return value
+
+
+def one_of(kind: type[Word], key: str, value: object) -> Word:
+    """Return the member of an enumeration of words that ``value`` names, or raise ConfigError."""
+    for member in kind:
+        if value == member.value:
+            return member
+    words = ", ".join(f'"{member.value}"' for member in kind)
+    raise ConfigError(f"{key} = {value!r:.80}: must be one of {words}")
+
+
+def known_word(key: str, value: object, known: Iterable[str]) -> str:
+    """Return ``value`` if it is one of the known words, or raise ConfigError."""
+    words = list(known)
+    if not isinstance(value, str) or value not in words:
+        near = difflib.get_close_matches(str(value), words, 1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(words)}"
+        raise ConfigError(f"{key} = {value!r:.80}: no such {key}; {hint}")
+    return value
+
+
+def several_whole(key: str, value: object, low: int, high: int, count: int) -> tuple[int, ...]:
+    """Return ``count`` whole numbers within [low, high], or raise ConfigError."""
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != count:
+        raise ConfigError(f"{key} = {value!r:.80}: must be {_COUNTS[count]} whole numbers")
+    return tuple(whole(f"{key}[{i}]", v, low, high) for i, v in enumerate(value))
+
+
 def three_whole(key: str, value: object, low: int, high: int) -> tuple[int, int, int]:
     """Return three whole numbers within [low, high], or raise ConfigError."""
-    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
-        raise ConfigError(f"{key} = {value!r:.80}: must be three whole numbers")
-    first, second, third = (whole(f"{key}[{i}]", v, low, high) for i, v in enumerate(value))
+    first, second, third = several_whole(key, value, low, high, 3)
     return first, second, third
 
 
@@ -68,11 +102,16 @@ def triple(key: str, value: object, unit: str = "mm") -> tuple[float, float, flo
     return float(array[0]), float(array[1]), float(array[2])
 
 
-def per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
-    """Return one positive value per carriage, from one number or three, or raise ConfigError."""
+def any_per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
+    """Return one value per carriage, from one number or three, or raise ConfigError."""
     array = isinstance(value, np.ndarray) and value.ndim > 0
     scalar = not array and (not isinstance(value, Sequence) or isinstance(value, str))
-    values = triple(key, [value] * 3 if scalar else value, unit)
+    return triple(key, [value] * 3 if scalar else value, unit)
+
+
+def per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
+    """Return one positive value per carriage, from one number or three, or raise ConfigError."""
+    values = any_per_carriage(key, value, unit)
     if min(values) <= 0.0:
         raise ConfigError(f"{key} = {value!r:.80}: every value must be above 0 [{unit}]")
     return values

@@ -7,13 +7,13 @@ from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.carriage import map_to_carriages
 from duoglide.motion.path.path import Path
-from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.check.check import check_rounded, require_noun
 from duoglide.planning.rounding.choice import choose_blends
 from duoglide.planning.stops.certificate import stop_bounds
 from duoglide.planning.timing.time_path import Progress, time_path
 from duoglide.planning.timing.timed_curve import SigmaCap
+from duoglide.planning.trajectory import Trajectory
 
 
 def plan(

@@ -9,7 +9,7 @@ import numpy as np
 from duoglide.arrays import AXES, BoolArray, FloatArray
 from duoglide.errors import SingularityError, UnreachableError
 from duoglide.kinematics.model import forward, reachable
-from duoglide.kinematics.singularity import clearance, margins
+from duoglide.kinematics.singularity.margins import clearance, margins
 from duoglide.machine import Geometry
 from duoglide.playback.run_data import RunData, read_run
 from duoglide.storage import Log, LogKind, MotionRecord, Topic

@@ -16,7 +16,7 @@ from duoglide.arrays import AXES, FloatArray
 from duoglide.control.channel.scale import Scales
 from duoglide.errors import LogError
 from duoglide.motion.profile import Profile
-from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.trajectory import Trajectory
 from duoglide.playback.rebuild import plan_of
 from duoglide.playback.run_data import SETPOINT_DELAY, IntArray, RunData, read_run
 from duoglide.playback.summary import Lateness, summarise_run

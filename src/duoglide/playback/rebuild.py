@@ -7,18 +7,16 @@ with exactly the path parameter that was streamed then. Either way the setpoints
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.control.channel.scale import Scales
-from duoglide.errors import ConfigError, InputError, LogError
+from duoglide.errors import DuoglideError, LogError
+from duoglide.motion.pace import Pace
 from duoglide.motion.path.actions import WaitInput
-from duoglide.motion.timing_report import TimingMethod
-from duoglide.motion.trajectory import Trajectory
-from duoglide.planning.stops.certificate import stop_bounds
-from duoglide.playback.pace import repaced_profile
+from duoglide.planning.trajectory import Trajectory
 from duoglide.playback.run_data import IntArray, RunData, read_run
 from duoglide.storage import Document, Log, LogKind
 
@@ -62,11 +60,11 @@ def plan_of(log: Log) -> Trajectory:
     """Return the trajectory in a log.
 
     Raises:
-        LogError: It holds none, or none that can be understood.
+        LogError: It holds none, or none that can be understood and that its machine can follow.
     """
     try:
         return Trajectory.from_document(log.document(Document.TRAJECTORY))
-    except (InputError, ConfigError) as error:
+    except DuoglideError as error:
         raise LogError(f"{log.path}: {error}") from error
 
 
@@ -137,10 +135,4 @@ def _repaced(plan: Trajectory, data: RunData, rows: IntArray, times: FloatArray)
         )
     if len(times) < 2:
         raise LogError("a run of one cycle cannot be replayed")
-    profile = repaced_profile(plan.profile, times, u, rate)
-    actions = tuple(
-        (float(times[np.searchsorted(u, t)]), action) for t, action in plan.actions if t <= u[-1]
-    )
-    report = replace(plan.report, method=TimingMethod.RECORDED)
-    draft = replace(plan, profile=profile, actions=actions, report=report)
-    return replace(draft, stops=stop_bounds(draft))
+    return Trajectory.repaced(plan, Pace(times, u, rate))

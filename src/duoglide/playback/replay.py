@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING
 
 from duoglide.arrays import as_number
 from duoglide.errors import InputError, LogError
-from duoglide.motion.timing_report import TimingMethod
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
-from duoglide.playback.recheck import recheck, recheck_repaced
+from duoglide.playback.recheck import recheck
 from duoglide.storage import Document, read_log
 from duoglide.storage.paths import as_path
 
 if TYPE_CHECKING:
     from duoglide.control.host.report import RunReport
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +92,8 @@ def prepare(
     described = machine if machine is not None else recorded.plan.machine
     share = 1.0 if override is None else require_share(override)
     motion = recorded.motion if override is None else slowed(recorded.plan, share)
-    if motion.report.method is TimingMethod.RECORDED:  # of this run, or of one that it replayed
-        trajectory = recheck_repaced(described, motion)
+    if motion.pace is not None:  # of this run, or of one that it replayed
+        trajectory, _ = motion.certified_for(described)
     else:
         trajectory = recheck(described, motion, share)
     return Rerun(described, trajectory, approach or Document.APPROACH in recording.documents)

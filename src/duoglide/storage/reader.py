@@ -14,7 +14,7 @@ from typing import IO, Any, Literal, overload
 
 from mcap.opcode import Opcode
 
-from duoglide.errors import LogError
+from duoglide.errors import DuoglideWarning, LogError
 from duoglide.storage.head import FORMAT, METADATA_NAME, checksum
 from duoglide.storage.records import (
     RECORDS,
@@ -34,7 +34,7 @@ _COUNTED = {Topic.CYCLE: "cycles", Topic.EVENT: "events", Topic.MOTION: "samples
 _WHOLE_NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,19})")
 
 
-class LogWarning(UserWarning):
+class LogWarning(DuoglideWarning):
     """A log that is not whole."""
 
 

@@ -19,7 +19,7 @@ from duoglide.viewer.recording import Recording, load_recording, recording_of
 
 if TYPE_CHECKING:
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 _FRAME = 1.0 / 30.0  # [s] between two pictures while playing
 _NEAR, _FAR = np.array([213, 30, 60]), np.array([0, 130, 200])  # clearance at its bound, at ease

@@ -10,7 +10,7 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import DuoglideError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import inverse
-from duoglide.kinematics.singularity import clearance, margins
+from duoglide.kinematics.singularity.margins import clearance, margins
 from duoglide.kinematics.transmission import transmission
 from duoglide.viewer.mechanism import METRES, Mechanism
 

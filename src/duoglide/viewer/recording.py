@@ -11,10 +11,10 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.errors import LogError
 from duoglide.kinematics.model import forward, reachable
-from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.singularity.margins import clearance
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.picks import count_picks
-from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.trajectory import Trajectory
 from duoglide.playback.run_data import RunData, read_run
 from duoglide.storage import LogKind, read_log
 

@@ -7,7 +7,7 @@ import numpy as np
 from duoglide.drawing.over_time import draw_carriages, draw_curves, draw_limited, finish
 from duoglide.drawing.picture import LIMIT, Picture, drawn
 from duoglide.errors import LogError
-from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.trajectory import Trajectory
 from duoglide.playback.run_data import RunData
 
 _BEFORE, _AFTER = 5, 20  # cycles of rest that a picture shows

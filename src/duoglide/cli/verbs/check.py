@@ -11,14 +11,8 @@ from duoglide.cli.console import Failed, say, say_facts, say_json, working
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import require_picture
 from duoglide.cli.program import (
-    Ignore,
-    Lift,
-    Pick,
-    Place,
-    Points,
-    Program,
-    Tolerance,
-    read_path,
+    Move,
+    about_a_move,
     reading_facts,
     reading_numbers,
 )
@@ -59,18 +53,12 @@ _MEANING = {
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("check", help=_HELP, epilog=_EXAMPLE)(check)
+    app.command("check", help=_HELP, epilog=_EXAMPLE)(about_a_move(check))
 
 
 def check(
-    program: Program = None,
+    move: Move,
     *,
-    point: Points = None,
-    pick: Pick = None,
-    place: Place = None,
-    lift: Lift = None,
-    tolerance: Tolerance = None,
-    ignore: Ignore = None,
     picture: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw the path (png, pdf).")
     ] = None,
@@ -78,17 +66,9 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Explain a path in words: reach, rails, order of the carriages, room to every singularity."""
-    require_picture(picture, reads=(program, machine))
+    require_picture(picture, reads=(move.program, machine))
     described = load_machine(machine)
-    reading = read_path(
-        program,
-        points=point,
-        pick=pick,
-        place=place,
-        lift=lift,
-        tolerance=tolerance,
-        ignore=ignore,
-    )
+    reading = move.read()
     path = reading.path
     from duoglide.planning.check.check import check_path
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from duoglide.control.host.report import RunReport
     from duoglide.machine import Machine
     from duoglide.motion.audit import Audit
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
     from duoglide.playback.compare import Comparison
 
 T = TypeVar("T")

@@ -12,22 +12,16 @@ from duoglide.cli.console import percent, say, say_facts, say_json
 from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import Force, require_log, require_picture
 from duoglide.cli.program import (
-    Ignore,
-    Lift,
-    Pick,
-    Place,
-    Points,
-    Program,
-    Tolerance,
+    Move,
+    about_a_move,
     planning,
-    read_path,
     reading_facts,
     reading_numbers,
 )
 
 if TYPE_CHECKING:
     from duoglide.motion.audit import Audit
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 _HELP = """\
 Check a path, time it near its optimum under the carriages' limits, and write the plan.
@@ -47,18 +41,12 @@ duoglide plan program.toml --machine cell.toml --picture plan.png --force
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
-    app.command("plan", help=_HELP, epilog=_EXAMPLE)(plan)
+    app.command("plan", help=_HELP, epilog=_EXAMPLE)(about_a_move(plan))
 
 
 def plan(
-    program: Program = None,
+    move: Move,
     *,
-    point: Points = None,
-    pick: Pick = None,
-    place: Place = None,
-    lift: Lift = None,
-    tolerance: Tolerance = None,
-    ignore: Ignore = None,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to write.")] = Path(
         "plan.mcap"
     ),
@@ -80,18 +68,10 @@ def plan(
 
     A plan or a run that is there already is kept unless --force is given.
     """
-    require_log(out, reads=(program, machine), force=force)
-    require_picture(picture, reads=(program, machine, out))
+    require_log(out, reads=(move.program, machine), force=force)
+    require_picture(picture, reads=(move.program, machine, out))
     described = load_machine(machine)
-    reading = read_path(
-        program,
-        points=point,
-        pick=pick,
-        place=place,
-        lift=lift,
-        tolerance=tolerance,
-        ignore=ignore,
-    )
+    reading = move.read()
     path = reading.path
     from duoglide.planning.plan import plan as make_plan
 

@@ -60,7 +60,7 @@ def stream(
     factor = override_factor(override)
     require_log(log, reads=(plan, machine), force=force)
     require_page(view)
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
     trajectory = Trajectory.load(plan)
     described = load_machine(machine) if machine is not None else trajectory.machine

@@ -25,6 +25,7 @@ class Happening(IntEnum):
     INPUT = 12  # a wait has ended [axis, detail: bit, value: seconds waited]
     INPUT_TIMEOUT = 13  # [axis, detail: bit, value: seconds waited]
     LATE = 14  # cycles were skipped [value: how many]
+    LOST = 15  # setpoints did not act [axis, code: how many; value: how far off at worst, mm]
 
 
 class RunState(IntEnum):
@@ -95,6 +96,8 @@ class Condition(Enum):
     REFUSED = "setpoint outside travel or step limit"
     PRESSED = "quick stop was commanded"
     FOREIGN = "another host commands the drives"
+    LASTING = "carriage stays away from where its setpoints lead"
+    ASTRAY = "carriage has not arrived at the last setpoint"
 
     @property
     def concerns_bus(self) -> bool:

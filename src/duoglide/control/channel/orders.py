@@ -33,9 +33,15 @@ class Power(IntEnum):
     SILENT = 0  # no setpoints are sent; somebody else may write controlwords
     OFF = 1
     ON = 2
-    HOMING = 3  # on, with bit 4: in homing mode, go
+    HOMING = 3  # on, while homing is prepared: bit 4 stays low
     QUICK_STOP = 4
     RESET = 5  # rising edges of bit 7 to whoever is in fault
+    HOMING_START = 6  # on, with bit 4: whoever is in homing mode begins
+
+    @property
+    def homes(self) -> bool:
+        """Whether the drives are in homing mode, or on their way there or back."""
+        return self in (Power.HOMING, Power.HOMING_START)
 
 
 class Order(NamedTuple):
@@ -60,17 +66,42 @@ class Policy:
         late: Late cycles in a row.
         unsent: Cycles in a row whose frames could not be sent.
         heartbeat: Age of a drive's last heartbeat [cycles].
-        following: Following error per axis [increments].
         host: Age of the host's last sign of life [cycles].
     """
 
     heartbeat: int
-    following: tuple[int, int, int]
     host: int
     missing: int = 3
     silence: int = 3
     late: int = 3
     unsent: int = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrailRule:
+    """How one carriage trails its setpoints, and how far it may be from where that puts it.
+
+    Attributes:
+        lag: By how many cycles of speed it trails.
+        bend: By how many squared cycles of acceleration.
+        at_rest: Distance that is allowed while the setpoints stand [increments].
+        growth: Distance that is allowed more for each increment per cycle of speed [cycles].
+        window: Distance that is allowed at most [increments].
+        lasting: Distance that may stay, on an average [increments].
+        departure: Distance from which on setpoints count as lost [increments].
+        goal: Distance from the last setpoint at which a run has arrived [increments].
+        mm: Size of an increment [mm].
+    """
+
+    lag: float = 0.0
+    bend: float = 0.0
+    at_rest: float = 1000.0
+    growth: float = 2.0
+    window: float = 15_000.0
+    lasting: float = 700.0
+    departure: float = 200.0
+    goal: float = 300.0
+    mm: float = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +114,10 @@ class StreamSettings:
         host_node: Node number that the host's heartbeat carries.
         heartbeat_every: Cycles between two heartbeats of the host.
         policy: What is bridged, and for how long.
+        inputs: Whether each drive's TPDO2 is mapped as the contract has it; others are not read.
+        outputs: Whether each drive's RPDO2 is; others are not written.
+        trails: Of the carriages.
+        settling: Cycles after the last setpoint within which all carriages have to arrive.
     """
 
     node_ids: tuple[int, int, int]
@@ -90,6 +125,10 @@ class StreamSettings:
     host_node: int
     heartbeat_every: int
     policy: Policy
+    inputs: tuple[bool, bool, bool] = (True, True, True)
+    outputs: tuple[bool, bool, bool] = (True, True, True)
+    trails: tuple[TrailRule, TrailRule, TrailRule] = (TrailRule(), TrailRule(), TrailRule())
+    settling: int = 250
 
     def allow_standstill(self, seconds: float) -> Policy:
         """Return the policy for drives that stand still with this computer, for so long.

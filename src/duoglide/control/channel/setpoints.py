@@ -7,6 +7,7 @@ because an override takes path times that no grid foresaw.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,7 +20,7 @@ from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 _STEP_RESERVE = 1.001  # audits allow a thousandth
 
@@ -98,12 +99,26 @@ class Stretch:
         end: Path time [s].
         grid: Setpoints at ``start + k * cycle``, the last at ``end`` [increments], (n, 3).
         wait: What to wait for at ``end``; None at the end of the trajectory.
+        margins: How far from its place each carriage may be at each of them [mm]; (n,) or none.
     """
 
     start: float
     end: float
     grid: tuple[IntTriple, ...]
     wait: WaitInput | None
+    margins: tuple[float, ...] = ()
+
+    def margin(self, place: float) -> float:
+        """Return what is left for the carriages at a place of the grid, such as 7.5 [mm].
+
+        Args:
+            place: How many cycles after ``start``.
+        """
+        if not self.margins:
+            return math.inf
+        last = len(self.margins) - 1
+        low = min(int(place), last)
+        return min(self.margins[low], self.margins[min(low + 1, last)])
 
 
 class TimedOutput(NamedTuple):

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
 from duoglide.control.channel.events import Condition, Happening, Trip
-from duoglide.control.channel.orders import Assignment, Policy, StreamSettings
+from duoglide.control.channel.orders import Assignment, Policy, StreamSettings, TrailRule
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.process import StreamerProcess
+from duoglide.drives import pdo
 from duoglide.drives.axis import Axis
+from duoglide.drives.bus_load import require_bus_load
 from duoglide.drives.buses import BusKind, open_bus, parse_bus
 from duoglide.drives.listen import require_alone
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
@@ -20,12 +22,13 @@ from duoglide.drives.scale import Scale
 from duoglide.drives.simulated import SimulatedDrives
 from duoglide.errors import BusError, InputError
 from duoglide.kinematics.home import home_carriages
-from duoglide.machine import Machine
+from duoglide.machine import DriveSettings, Machine
 
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import EventEntry
 
 HOST_PATIENCE = 2.0  # [s] that the streamer bears a host that does not read
+DEPARTURE = 0.2  # [mm] from which on a setpoint counts as lost
 _LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
 
 
@@ -38,11 +41,13 @@ class Connection:
 
     Raises:
         InputError: It is no machine.
+        ConfigError: The bus cannot carry its cycle.
         BusError: The bus cannot be opened, or another host is on it.
     """
 
     def __init__(self, machine: Machine, bus: str) -> None:
         _require_machine(machine)
+        require_bus_load(machine.drives)
         self._machine, self._closed = machine, False
         self._resources = ExitStack()
         self.simulated: SimulatedDrives | None = None
@@ -156,13 +161,9 @@ def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
 def describe_stream(machine: Machine) -> StreamSettings:
     """Return what the streamer has to know of a machine."""
     drives = machine.drives
-    window = drives.following_error_window
-    first, second, third = (
-        Scale.of(drives, number).magnitude(window) for number in range(1, AXES + 1)
-    )
+    first, second, third = (_trail_rule(machine, index) for index in range(AXES))
     policy = Policy(
         heartbeat=math.ceil(drives.heartbeat_timeout / drives.cycle),
-        following=(first, second, third),
         host=math.ceil(HOST_PATIENCE / drives.cycle),
         missing=drives.missing_frames + 1,
         silence=drives.missing_frames + 1,
@@ -174,4 +175,37 @@ def describe_stream(machine: Machine) -> StreamSettings:
         host_node=drives.host_id,
         heartbeat_every=max(1, int(drives.heartbeat_period / drives.cycle)),
         policy=policy,
+        inputs=_has_all(drives, pdo.TPDO2_MAPPING),
+        outputs=_has_all(drives, pdo.RPDO2_MAPPING),
+        trails=(first, second, third),
+        settling=math.ceil(drives.settling_time / drives.cycle),
     )
+
+
+def _trail_rule(machine: Machine, index: int) -> TrailRule:
+    """Return how one carriage trails its setpoints, and how far it may be off."""
+    drives = machine.drives
+    scale = Scale.of(drives, index + 1)
+    window = scale.magnitude(drives.following_error_window)
+    step = float(machine.limits.velocity[index]) * drives.cycle  # in a cycle at full speed [mm]
+    return TrailRule(
+        lag=drives.lag[index] / drives.cycle,
+        bend=drives.acceleration_lag[index] / drives.cycle**2,
+        at_rest=scale.magnitude(drives.following_error_at_rest),
+        growth=window / abs(step * scale.increments_per_mm),
+        window=window,
+        lasting=scale.magnitude(drives.lasting_error),
+        departure=scale.magnitude(DEPARTURE),
+        goal=scale.magnitude(drives.goal_tolerance),
+        mm=abs(scale.to_mm(1)),
+    )
+
+
+def _has_all(
+    drives: DriveSettings, mapping: tuple[tuple[int, int, int], ...]
+) -> tuple[bool, bool, bool]:
+    """Return of each drive whether it has all objects of a PDO, which is not mapped otherwise."""
+    first, second, third = (
+        all(quirks.has(index) for index, _, _ in mapping) for quirks in drives.quirks
+    )
+    return first, second, third

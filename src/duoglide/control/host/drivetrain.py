@@ -13,7 +13,8 @@ from duoglide.control.channel.events import Condition, Happening, Refusal, Trip
 from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
 from duoglide.control.host.connection import Connection, bring_up
-from duoglide.drives.cia402 import Mode, State, decode
+from duoglide.drives.axis import growing_pauses
+from duoglide.drives.cia402 import METHODS_HERE, Mode, State, decode
 from duoglide.errors import DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from duoglide.machine import Machine
 
 _PATIENCE = 5.0  # [s] for a change of power
-_HERE = 37  # homing method: the place where the carriage stands is known
 _OFF = (State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY_TO_SWITCH_ON)
 _FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 
@@ -200,11 +200,13 @@ class Drivetrain:
         homing = self.machine.drives.homing
         here = home_carriages(self.machine).tolist()
         rows = zip(homing.method, homing.switch_position, here, strict=True)
-        return [place if method == _HERE else switch for method, switch, place in rows]
+        return [place if method in METHODS_HERE else switch for method, switch, place in rows]
 
     def _await_homing(self, axes: tuple[Axis, ...]) -> None:
         deadline = time.monotonic() + self.machine.drives.homing.timeout
+        pauses = growing_pauses()
         while not all(axis.homing_done() for axis in axes):
+            time.sleep(next(pauses))
             if time.monotonic() > deadline:
                 raise DriveTimeout(
                     f"homing is not over after {self.machine.drives.homing.timeout:g} s"

@@ -104,5 +104,9 @@ _WRITERS: dict[Happening, Callable[[EventEntry], tuple[EventKind, str]]] = {
     Happening.OUTPUT: lambda e: (EventKind.OUTPUT, f"axis {e.axis} outputs 0x{e.code:08X}"),
     Happening.INPUT: lambda e: (EventKind.INPUT, _describe_wait("came")(e)),
     Happening.INPUT_TIMEOUT: lambda e: (EventKind.TIMEOUT, _describe_wait("did not come")(e)),
+    Happening.LOST: lambda e: (
+        EventKind.LOST,
+        f"axis {e.axis}: {e.code} setpoints did not act: {e.value:.3f} mm off where they lead",
+    ),
     Happening.LATE: lambda e: (EventKind.LATE, f"{e.value:.0f} cycles skipped to the schedule"),
 }

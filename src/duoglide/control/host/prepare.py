@@ -14,11 +14,13 @@ from duoglide.kinematics.model import forward
 from duoglide.motion.path.actions import SetOutput, WaitInput
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from duoglide.arrays import FloatArray
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
     from duoglide.storage.records import Phase
 
 START_TOLERANCE = 0.05  # [mm] that a carriage may be away from the start of a run
@@ -59,8 +61,22 @@ def plan_approach(
     return transfer(machine, here, start)
 
 
-def prepare(trajectory: Trajectory, fence: Fence, number: int, phase: Phase) -> PreparedSetpoints:
+def prepare(
+    trajectory: Trajectory,
+    fence: Fence,
+    number: int,
+    phase: Phase,
+    margin_at: Callable[[FloatArray], FloatArray] | None = None,
+) -> PreparedSetpoints:
     """Compute and validate every setpoint of the nominal grid.
+
+    Args:
+        trajectory: What to stream.
+        fence: What no setpoint may leave.
+        number: Of the setpoints, from 1.
+        phase: Approach or program.
+        margin_at: Returns what is left for the carriages at path times [s], shape (n,) [mm]; None
+            where that does not bound how far they may be from their setpoints.
 
     Raises:
         LimitError: A setpoint leaves the travel, brings carriages 1 and 2 too close, or is too far
@@ -76,7 +92,8 @@ def prepare(trajectory: Trajectory, fence: Fence, number: int, phase: Phase) -> 
         times = divide_into_cycles(start, end, cycle)
         grid = fence.scales.increments(trajectory.at(times).carriages)
         _validate(grid, times, fence)
-        stretches.append(Stretch(start, end, tuple(map(as_int_triple, grid)), wait))
+        margins = () if margin_at is None else tuple(margin_at(times).tolist())
+        stretches.append(Stretch(start, end, tuple(map(as_int_triple, grid)), wait, margins))
     for before, after in pairwise(stretches):
         _validate(np.array([before.grid[-1], after.grid[0]]), np.array([before.end] * 2), fence)
     return PreparedSetpoints(number, phase, trajectory, tuple(stretches), outputs, fence)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from duoglide.control.channel.events import Trip
     from duoglide.drives.simulated import SimulatedDrives
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 
 class Robot:
@@ -254,7 +254,7 @@ class Robot:
         """Begin a run and return its handle; takes and raises what ``run`` does."""
         override = _require_first_override(override)
         self._require_ready()
-        use = require_fit(trajectory, self.machine)
+        trajectory, use = require_fit(trajectory, self.machine)
         way = plan_approach(self.machine, self._drives.held, trajectory, approach)
         run_log = None
         if log is not None:

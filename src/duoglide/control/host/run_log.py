@@ -17,7 +17,7 @@ from duoglide.storage.records import Phase
 if TYPE_CHECKING:
     from duoglide.control.host.report import RunReport
     from duoglide.machine import Machine
-    from duoglide.motion.trajectory import Trajectory
+    from duoglide.planning.trajectory import Trajectory
 
 _PHASES = {int(phase): phase for phase in Phase}
 

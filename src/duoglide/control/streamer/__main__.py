@@ -22,9 +22,10 @@ from duoglide.control.streamer.cycle import Streamer
 from duoglide.control.streamer.link import BusLink
 from duoglide.control.streamer.realtime import become_helper, become_realtime
 from duoglide.drives.buses import open_bus
+from duoglide.drives.pdo import NMT, Nmt, pack_nmt
 from duoglide.errors import BusError, DuoglideError
 from duoglide.motion.path.transfer import TransferPath
-from duoglide.motion.trajectory import Trajectory
+from duoglide.planning.trajectory import Trajectory
 
 _LOADED_EARLY = (Trajectory, TransferPath)  # an import while cycles run would hold them up
 _ASK_ANYWAY = 8  # cycles after which the socket is asked for its end, announced or not
@@ -129,6 +130,8 @@ def main(arguments: list[str]) -> int:
         return 2
     try:
         link = BusLink(open_bus(assignment.bus, assignment.bit_rate))
+        # Before the first SYNC: whatever a maker's PDOs would answer or do at a SYNC, they do not.
+        link.send([(NMT, pack_nmt(Nmt.ENTER_PRE_OPERATIONAL, 0))])
     except BusError as error:
         _answer(bulk, error)
         return 1

@@ -15,7 +15,7 @@ from duoglide.control.channel.orders import Command, Order, Power, StreamSetting
 from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.control.streamer.follower import OVER, Follower, PathActions
 from duoglide.control.streamer.power import Departure, all_in, controlword
-from duoglide.control.streamer.supervise import Watch
+from duoglide.control.streamer.supervise import DueSetpoints, Watch
 from duoglide.control.streamer.wire import Wire
 from duoglide.drives.cia402 import State
 from duoglide.storage.records import Phase
@@ -24,10 +24,20 @@ if TYPE_CHECKING:
     from duoglide.control.channel.scale import IntTriple
     from duoglide.control.channel.setpoints import PreparedSetpoints
     from duoglide.control.streamer.link import Link
+    from duoglide.control.streamer.trail import AxisTrail
 
 SETPOINT_DELAY = 2  # cycles from the SYNC that a setpoint follows to the SYNC when it is reached
 DRIVES_BRIDGE = 1  # cycle without a setpoint, at the velocity of the one before; then they stop
+_REMEMBERED = SETPOINT_DELAY + 2  # setpoints: the ones due at an answered SYNC and beside it
+_DUE = 1  # which of them was due at it
 _ZEROS: IntTriple = (0, 0, 0)
+_INFINITE = float("inf")
+_LEAST, _MOST = -(1 << 31), (1 << 31) - 1  # what a record has room for
+
+
+def _saturate(increments: int) -> int:
+    """Return a difference of two positions as far as a record can hold it."""
+    return min(max(increments, _LEAST), _MOST)
 
 
 class Inbox(Protocol):
@@ -83,10 +93,12 @@ class Streamer:
         self._inbox, self._outbox = inbox, outbox
         self._wire = Wire(link, settings)
         self._tracks = self._wire.tracks
-        self._watch = Watch(settings.policy)
+        self._watch = Watch(settings.policy, settings.trails)
         self._follower: Follower | None = None
         self._setpoint, self._words = _ZEROS, _ZEROS
-        self._sent = deque([_ZEROS] * (SETPOINT_DELAY + 1), SETPOINT_DELAY + 1)
+        self._sent = deque([_ZEROS] * _REMEMBERED, _REMEMBERED)
+        self._margins = deque([_INFINITE] * _REMEMBERED, _REMEMBERED)
+        self._unsteady = self._unsure = self._settling = 0
         self._path_time = self._rate = 0.0
         self._phase, self._state = Phase.HOLD, RunState.NONE
         self._actions = PathActions(self._wire, self.tell)
@@ -125,7 +137,7 @@ class Streamer:
         actual = (first.actual, second.actual, third.actual)
         a, b, c = (
             due if self._enabled and track.certain else track.actual
-            for due, track in zip(self._sent[0], self._tracks, strict=True)
+            for due, track in zip(self._sent[_DUE], self._tracks, strict=True)
         )
         lost = (first.missing > 0) | (second.missing > 0) << 1 | (third.missing > 0) << 2
         self._outbox.put_cycle(
@@ -138,7 +150,7 @@ class Streamer:
                 self._rate,
                 self._setpoint,
                 actual,
-                (actual[0] - a, actual[1] - b, actual[2] - c),
+                (_saturate(actual[0] - a), _saturate(actual[1] - b), _saturate(actual[2] - c)),
                 self._words,
                 (first.statusword, second.statusword, third.statusword),
                 self._phase,
@@ -183,7 +195,7 @@ class Streamer:
 
     def _switch(self, power: Power) -> None:
         """Change the goal of the drives' power; what is latched forbids to switch it on."""
-        on = power in (Power.ON, Power.HOMING)
+        on = power is Power.ON or power.homes
         if self._follower is not None:
             self._refuse(Command.POWER, Refusal.BUSY)
             return
@@ -223,7 +235,11 @@ class Streamer:
         for number, track in enumerate(self._tracks, 1):
             for code in track.emergencies:
                 self.tell(Happening.EMERGENCY, axis=number, code=code)
-        watch.see_axes(self._tracks, self._sent[0] if self._enabled else None)
+        due = self._due() if self._enabled else None
+        watch.see_axes(self._tracks, due, self._power.homes)
+        for number, trail in enumerate(watch.trails, 1):
+            if trail.departure_is_over:
+                self._tell_departure(number, trail)
         watch.see_time(self._skipped, self._outbox.signs_of_life)
         seen.moving = self._follower is not None
         seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign
@@ -233,7 +249,25 @@ class Streamer:
             self._judge()
         elif seen.host_gone:
             self.done = True
-        seen.pressed = False
+        seen.pressed, seen.astray, seen.refused = False, 0, 0
+
+    def _due(self) -> DueSetpoints:
+        """Return the setpoints that the newest feedback is compared with."""
+        if self._skipped or self._wire.unsent:
+            self._unsure, self._unsteady = 2 + self._skipped, _REMEMBERED
+        elif self._unsteady:
+            self._unsteady -= 1
+        else:
+            self._unsure = 0
+        before, here, after, _ = self._sent
+        return DueSetpoints(before, here, after, self._margins[_DUE], self._unsure)
+
+    def _tell_departure(self, number: int, trail: AxisTrail) -> None:
+        """Tell that a carriage has not been where its setpoints lead, for some cycles."""
+        if trail.departed:
+            worst = trail.worst * trail.rule.mm
+            self.tell(Happening.LOST, axis=number, code=trail.departed, value=worst)
+        trail.forget_departure()
 
     def _judge(self) -> None:
         """React to what is met for the first time, and only ever more strongly."""
@@ -252,6 +286,8 @@ class Streamer:
     def _end_run(self, kind: Happening, by_themselves: bool = False) -> None:
         """Tell how a run has ended, if there is one; ``by_themselves``: the drives stop off it."""
         if (follower := self._follower) is not None:
+            for number, trail in enumerate(self._watch.trails, 1):
+                self._tell_departure(number, trail)
             phase, code = follower.prepared.phase, int(by_themselves)
             self.tell(kind, detail=phase, code=code, value=follower.path_time)
             self._follower = None
@@ -294,8 +330,25 @@ class Streamer:
         stopping = state in (RunState.STOPPING, RunState.STOPPED)
         self._phase = Phase.STOP if stopping else follower.prepared.phase
         self._actions.carry_out(follower)
-        if state in OVER:
-            self._end_run(Happening.FINISHED if state is RunState.FINISHED else Happening.STOPPED)
+        if state is RunState.FINISHED:
+            self._arrive(follower)
+        elif state in OVER:
+            self._end_run(Happening.STOPPED)
+
+    def _arrive(self, follower: Follower) -> None:
+        """End a run once all carriages are where it ends, and stand; name the one that is not."""
+        stands = self._sent[_DUE] == self._setpoint
+        astray = self._watch.farthest_from(self._setpoint)
+        if stands and not astray:
+            self._settling = 0
+            self._end_run(Happening.FINISHED)
+            return
+        self._rate, self._phase = 0.0, Phase.HOLD
+        self._settling += 1 + self._skipped
+        if stands and self._settling > self._settings.settling + _REMEMBERED:
+            self._settling, self._watch.seen.astray = 0, astray
+            self._judge()
+            self._end_run(Happening.STOPPED)
 
     def _stand(self) -> None:
         """Hold the setpoints of drives that follow them; elsewhere keep to the actual position.
@@ -306,6 +359,8 @@ class Streamer:
         on = self._power is Power.ON
         if on and not self._enabled and all_in(self._tracks, State.OPERATION_ENABLED):
             self._enabled = True
+            for trail in self._watch.trails:
+                trail.reset()
             self.tell(Happening.POWER, detail=Power.ON, value=1.0)
         first, second, third = (
             held if on and track.follows else track.actual
@@ -316,6 +371,8 @@ class Streamer:
     def _command(self) -> None:
         """Send what this cycle has to say."""
         self._sent.append(self._setpoint)
+        follower = self._follower
+        self._margins.append(_INFINITE if follower is None else follower.margin)
         if self._power is Power.SILENT:
             self._wire.flush()
             return

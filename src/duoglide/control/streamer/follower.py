@@ -29,6 +29,7 @@ class Follower:
         prepared: As given.
         path_time: Of the newest setpoint [s].
         rate: Path time per time.
+        margin: What the plan leaves the carriages at the newest setpoint [mm].
         waited: How long the wait at hand has lasted [s].
     """
 
@@ -36,6 +37,7 @@ class Follower:
         self.prepared = prepared
         self.path_time = self.rate = self.waited = 0.0
         self._setpoint = prepared.first
+        self.margin = prepared.stretches[0].margin(0.0)
         self._stretch, self._later = prepared.stretches[0], iter(prepared.stretches[1:])
         self._switched = 0
         self._waiting = self._stopped = False
@@ -94,6 +96,7 @@ class Follower:
         if u != self.path_time:
             self.path_time = u
             self._setpoint = self._at(u)
+            self.margin = stretch.margin((u - stretch.start) / self.prepared.cycle)
         return self._setpoint
 
     def take_outputs(self) -> list[SetOutput]:

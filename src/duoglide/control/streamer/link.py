@@ -51,15 +51,12 @@ class BusLink:
     """A link over any bus of python-can; closing it closes the bus."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        import can
-
         from duoglide.drives.buses import frame_sender
         from duoglide.drives.socketcand import SocketcandBus
 
         self._bus = bus
         self._send = frame_sender(bus)
         self._receive = bus.receive_frames if isinstance(bus, SocketcandBus) else self._take
-        self._failures = (can.CanError, OSError, ValueError)
 
     @property
     def echoes(self) -> bool:
@@ -72,24 +69,26 @@ class BusLink:
         """Hand frames to the bus in order; BusError if one is not taken (ENOBUFS, link down)."""
         try:
             self._send(frames)
-        except self._failures as error:
+        except Exception as error:  # whatever a driver raises: the cycle goes on
             raise BusError(f"the bus did not take a frame: {error}") from error
 
     def receive(self) -> list[Frame]:
         """Return the frames that have come; BusError if the bus is dead."""
         try:
             return self._receive()
-        except self._failures as error:
+        except Exception as error:  # whatever a driver makes of what it was sent
             raise BusError(f"the bus is dead: {error}") from error
 
     def _take(self) -> list[Frame]:
         frames: list[Frame] = []
         while (message := self._bus.recv(0)) is not None:
+            kind = message.arbitration_id
+            if type(kind) is not int:  # on a multicast group anybody may write anything
+                continue
             if message.is_error_frame:
-                kind = message.arbitration_id
                 frames.append((ERROR_FRAME, bytes((kind & 0xFF,)) + bytes(message.data)))
-            elif not message.is_extended_id and not message.is_remote_frame:
-                frames.append((message.arbitration_id, bytes(message.data)))
+            elif not (message.is_extended_id or message.is_remote_frame or message.is_fd):
+                frames.append((kind, bytes(message.data)))
         return frames
 
     def close(self) -> None:
@@ -103,6 +102,8 @@ def is_fatal(error_frame: bytes) -> bool:
     Args:
         error_frame: Low byte of its identifier, then its data, as ``receive`` gives it.
     """
+    if not error_frame:
+        return False
     kind = error_frame[0]
     passive = len(error_frame) > 2 and bool(error_frame[2] & _PASSIVE)
     return bool(kind & _BUS_OFF) or (bool(kind & _CONTROLLER) and passive)

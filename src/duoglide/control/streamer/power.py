@@ -32,8 +32,11 @@ def _word(power: Power, state: State) -> int:
     """Return the controlword for one pair; ``controlword`` looks it up."""
     if power is Power.ON:
         return int(controlword_towards(state, State.OPERATION_ENABLED) or 0)
-    if power is Power.HOMING:
-        return int(Control.START_HOMING)
+    if power.homes:  # who has left operation enabled is not brought back: homing has failed
+        if state is not State.OPERATION_ENABLED:
+            return int(Control.DISABLE_VOLTAGE)
+        begins = power is Power.HOMING_START
+        return int(Control.START_HOMING if begins else Control.ENABLE_OPERATION)
     if power is Power.QUICK_STOP:
         moving = state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
         return int(Control.QUICK_STOP if moving else Control.DISABLE_VOLTAGE)

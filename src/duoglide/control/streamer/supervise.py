@@ -11,19 +11,41 @@ that clearance is kept while they do.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from duoglide.arrays import AXES
 from duoglide.control.channel.events import Condition, Reaction, Trip
-from duoglide.control.channel.orders import Policy
+from duoglide.control.channel.orders import Policy, TrailRule
 from duoglide.control.streamer.tracks import AxisTrack, AxisView
+from duoglide.control.streamer.trail import AxisTrail
 from duoglide.drives.cia402 import State, Status
 from duoglide.drives.pdo import NmtState
 
 if TYPE_CHECKING:
     from duoglide.control.channel.scale import IntTriple
+
+
+_UNSURE = 2  # cycles by which the first answers after a gap may be of another SYNC
+
+
+class DueSetpoints(NamedTuple):
+    """What the drives should have reached at the SYNC that their feedback answers.
+
+    Attributes:
+        before: Setpoint that was due one cycle earlier [increments].
+        here: Setpoint that was due at it.
+        after: Setpoint that is due one cycle later.
+        margin: Distance that the plan leaves a carriage there [mm]; inf where no plan says.
+        unsure: By how many cycles they may be others, because cycles were skipped just now.
+    """
+
+    before: IntTriple
+    here: IntTriple
+    after: IntTriple
+    margin: float
+    unsure: int
 
 
 @dataclass(slots=True)
@@ -41,6 +63,7 @@ class Observation:
         host: Age of its last sign of life [cycles].
         refused: Axis whose setpoint broke a rule, 1 to 3; 0 for none.
         pressed: Quick stop was commanded.
+        astray: Axis that has not arrived where a run ends, 1 to 3; 0 for none.
         foreign: Somebody else has sent SYNC, a setpoint, or a heartbeat as this host.
     """
 
@@ -53,6 +76,7 @@ class Observation:
     host_gone: bool = False
     host: int = 0
     refused: int = 0
+    astray: int = 0
     pressed: bool = False
     foreign: bool = False
 
@@ -85,6 +109,8 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.FOREIGN, Reaction.QUICK_STOP)
     if seen.refused:
         yield Trip(Condition.REFUSED, Reaction.QUICK_STOP, seen.refused)
+    if seen.astray:
+        yield Trip(Condition.ASTRAY, Reaction.STOP_ON_PATH, seen.astray)
     if seen.unsent >= policy.unsent:
         yield Trip(Condition.UNSENT, Reaction.STOP_ON_PATH)
     if seen.moving and seen.late >= policy.late:
@@ -107,8 +133,10 @@ def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]
     if not follows:
         yield Trip(_NOT_ENABLED.get(axis.state, Condition.NOT_ENABLED), stop, number)
         return
-    if axis.statusword & _FOLLOWING_ERROR or axis.following > policy.following[index]:
+    if axis.statusword & _FOLLOWING_ERROR or axis.following > axis.allowed:
         yield Trip(Condition.FOLLOWING_ERROR, stop, number)
+    if axis.stays:
+        yield Trip(Condition.LASTING, stop, number)
     if axis.limited >= policy.missing:  # for less, it caught up with setpoints that were lost
         yield Trip(Condition.LIMIT, stop, number)
     if axis.alone >= policy.missing or axis.missing >= policy.silence:
@@ -133,15 +161,18 @@ class Watch:
 
     Args:
         policy: What is bridged, and for how long.
+        rules: How the carriages may trail their setpoints.
 
     Attributes:
         policy: As given; it may be replaced.
+        trails: How the carriages trail their setpoints.
         seen: Of this cycle.
         reaction: The strongest that is latched.
     """
 
-    def __init__(self, policy: Policy) -> None:
+    def __init__(self, policy: Policy, rules: Sequence[TrailRule] = ()) -> None:
         self.seen = Observation()
+        self.trails = tuple(map(AxisTrail, rules))
         self.reaction = Reaction.NONE
         self.policy = policy
         self._told: set[tuple[Condition, int, int]] = set()
@@ -152,21 +183,46 @@ class Watch:
         """Whether so many cycles in a row are late that the run must stop."""
         return self.seen.late >= self.policy.late
 
-    def see_axes(self, tracks: tuple[AxisTrack, ...], due: IntTriple | None) -> None:
+    def see_axes(
+        self, tracks: tuple[AxisTrack, ...], due: DueSetpoints | None, homing: bool = False
+    ) -> None:
         """Note what the drives said.
 
         Args:
             tracks: Of the drives.
             due: Setpoints that they should have reached; None while they are not enabled.
+            homing: Whether they have been sent to find their reference; a drive without TPDO2 does
+                not say in which mode it is.
         """
         for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
             track.fill(view)
-            # an old position proves nothing, and after a gap the answer may be to an earlier SYNC
-            known = due is not None and track.settled
-            view.following = abs(track.actual - due[index]) if due and known else 0
-            if track.homing:
-                view.statusword = view.following = 0  # bits 12 and 13 mean something else there
+            view.following, view.stays = 0.0, False
+            if homing or track.homing:
+                view.statusword = 0  # bits 12 and 13 mean something else there
+            elif due is not None and not track.missing:  # an old position proves nothing
+                self._judge_trail(index, track, due)
         self.seen.enabled = due is not None
+
+    def _judge_trail(self, index: int, track: AxisTrack, due: DueSetpoints) -> None:
+        view, trail = self.seen.axes[index], self.trails[index]
+        # after a gap the answer may be to an earlier SYNC, for a while
+        unsure = due.unsure if track.settled else max(due.unsure, _UNSURE + track.gap)
+        trail.see(
+            track.actual,
+            due.before[index],
+            due.here[index],
+            due.after[index],
+            due.margin / trail.rule.mm,
+            unsure,
+        )
+        view.following, view.allowed, view.stays = trail.off, trail.allowed, trail.stays
+
+    def farthest_from(self, goal: IntTriple) -> int:
+        """Return the axis that is too far from the end of a run, 1 to 3; 0 where all are there."""
+        for index, (view, trail) in enumerate(zip(self.seen.axes, self.trails, strict=True)):
+            if view.missing or abs(view.actual - goal[index]) > trail.rule.goal:
+                return index + 1
+        return 0
 
     def see_time(self, skipped: int, life: int) -> None:
         """Note how late this cycle is, and whether the host has read since the last one."""

@@ -12,6 +12,8 @@ from duoglide.errors import DriveError
 
 _LIMIT = int(Status.INTERNAL_LIMIT_ACTIVE)  # a plain number: an IntFlag's & costs 1.5 us
 _NO_NMT = -1
+_BRIDGED = 1  # words in a row that cannot be, as one lost frame is
+_STARTED = frozenset(State) - {State.NOT_READY_TO_SWITCH_ON}
 _SETTLING = 3  # cycles with feedback after which it surely answers the SYNC before
 
 
@@ -21,14 +23,25 @@ class AxisView:
 
     state: State | None = State.SWITCH_ON_DISABLED
     statusword: int = 0
+    actual: int = 0
     emergency: int = 0
-    following: int = 0
+    following: float = 0.0  # from where the drive's model expects it [increments] ...
+    allowed: float = float("inf")  # ... and how much that may be
+    stays: bool = False  # that the average of it is too much
     missing: int = 0
     alone: int = 0  # of those missing, while another drive answered
     heartbeat: int = 0
     limited: int = 0  # cycles in a row with bit 11
     nmt: int = pdo.NmtState.OPERATIONAL
     booted: bool = False
+
+
+def _state_of(statusword: int) -> State | None:
+    """Return the state that a statusword means; None for none."""
+    try:
+        return decode_state(statusword)
+    except DriveError:
+        return None
 
 
 class AxisTrack:
@@ -44,13 +57,16 @@ class AxisTrack:
         missing: Cycles in a row without feedback.
         limited: Cycles in a row in which it bounded what it was asked for: statusword, bit 11.
         alone: Of those, the cycles in which another drive gave some.
+        garbled: Cycles in a row with a statusword that cannot be: it matches no state, or says that
+            the drive is still starting, which it has done.
+        gap: Cycles in a row without feedback before the last that came.
         regular: Cycles in a row with feedback.
         silence: Cycles since its last heartbeat.
     """
 
     __slots__ = (
-        "_feedback", "actual", "alone", "boots", "emergencies", "inputs", "limited",
-        "missing", "mode", "nmt", "regular", "silence", "state", "statusword",
+        "_feedback", "actual", "alone", "boots", "emergencies", "gap", "garbled", "inputs",
+        "limited",        "missing", "mode", "nmt", "regular", "silence", "state", "statusword",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -63,6 +79,7 @@ class AxisTrack:
         self.limited = 0
         self.missing = 0
         self.alone = 0
+        self.gap = self.garbled = 0
         self.regular = 0
         self.silence = 0
         self.boots = 0
@@ -121,24 +138,32 @@ class AxisTrack:
         self.silence += cycles
         queue = self._feedback
         if not queue:
-            self.missing += 1
-            self.regular = 0
+            self._miss()
             return
         if not self.settled or len(queue) > 2:
             while len(queue) > 1:
                 queue.popleft()
-        self.missing = self.alone = 0
+        statusword, actual = pdo.FEEDBACK.unpack_from(queue.popleft())
+        state = _state_of(statusword)
+        booting = state is State.NOT_READY_TO_SWITCH_ON and self.state in _STARTED
+        if (state is None or booting) and self.garbled < _BRIDGED:
+            self.garbled += 1
+            self._miss()
+            return
+        self.gap = self.missing or self.gap
+        self.missing = self.alone = self.garbled = 0
         self.regular += 1
-        self.statusword, self.actual = pdo.FEEDBACK.unpack_from(queue.popleft())
-        self.limited = self.limited + 1 if self.statusword & _LIMIT else 0
-        try:
-            self.state = decode_state(self.statusword)
-        except DriveError:
-            self.state = None
+        self.statusword, self.actual, self.state = statusword, actual, state
+        self.limited = self.limited + 1 if statusword & _LIMIT else 0
+
+    def _miss(self) -> None:
+        """Go on with what was heard last."""
+        self.missing += 1
+        self.regular = 0
 
     def fill(self, view: AxisView) -> None:
         """Write what the supervisor wants to know; empties the emergencies and boot-ups."""
-        view.state, view.statusword = self.state, self.statusword
+        view.state, view.statusword, view.actual = self.state, self.statusword, self.actual
         view.missing, view.alone, view.heartbeat = self.missing, self.alone, self.silence
         view.limited = self.limited
         view.nmt = self.nmt if self.nmt != _NO_NMT else pdo.NmtState.OPERATIONAL

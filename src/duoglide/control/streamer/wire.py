@@ -42,9 +42,13 @@ class Wire:
         self.tracks = tuple(AxisTrack() for _ in settings.node_ids)
         ours = () if link.echoes else (pdo.SYNC, beat[0], *self._setpoint_ids)
         self._handlers = dict.fromkeys(ours, self._notice_foreigner)
-        for node, track in zip(settings.node_ids, self.tracks, strict=True):
+        self._has_outputs = settings.outputs
+        for node, track, inputs in zip(
+            settings.node_ids, self.tracks, settings.inputs, strict=True
+        ):
             self._handlers[pdo.TPDO1 + node] = track.on_feedback
-            self._handlers[pdo.TPDO2 + node] = track.on_inputs
+            if inputs:
+                self._handlers[pdo.TPDO2 + node] = track.on_inputs
             self._handlers[pdo.EMCY + node] = track.on_emergency
             self._handlers[pdo.HEARTBEAT + node] = track.on_heartbeat
         self._sync: tuple[Frame, ...] = ((pdo.SYNC, b""),)
@@ -92,7 +96,9 @@ class Wire:
                 track.alone += bool(track.missing)
 
     def set_outputs(self, axis: int, word: int) -> None:
-        """Send the outputs of one axis (index) with the frames of this cycle."""
+        """Send the outputs of one axis (index) with the frames of this cycle, if it has any."""
+        if not self._has_outputs[axis]:  # what a maker maps there may be a controlword
+            return
         self._outputs.append((pdo.RPDO2 + self._nodes[axis], pdo.OUTPUTS.pack(word)))
 
     def command(self, words: IntTriple, targets: IntTriple) -> None:

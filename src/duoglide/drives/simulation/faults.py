@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from duoglide.drives.simulation.node import DriveNode, Misbehaviour
+from duoglide.drives.simulation.node.node import DriveNode, Misbehaviour
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State, decode
-from duoglide.drives.simulation.firmware_homing import HomingAxis
-from duoglide.drives.simulation.node import DriveNode, Send
+from duoglide.drives.simulation.firmware.homing import HomingAxis
+from duoglide.drives.simulation.node.node import DriveNode, Send
 from duoglide.drives.simulation.plant import Plant, PlantParameters
 from duoglide.drives.standstill import Standstill
 
 if TYPE_CHECKING:
-    from duoglide.drives.simulation.application import AxisApplication
+    from duoglide.drives.simulation.node.application import AxisApplication
     from duoglide.machine import DriveSettings
 
 STANDSTILL = 0.1  # how long a shared computer may leave a process without a processor [s]

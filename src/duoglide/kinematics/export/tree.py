@@ -20,7 +20,7 @@ from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import reachable
 from duoglide.kinematics.modes import WORKING, WorkingMode
-from duoglide.kinematics.singularity import clearance, margins
+from duoglide.kinematics.singularity.margins import clearance, margins
 from duoglide.kinematics.skeleton import joints
 from duoglide.machine import Geometry, Machine
 

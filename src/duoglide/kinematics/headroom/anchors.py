@@ -9,8 +9,8 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.modes import WORKING
-from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import reach_of
+from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.machine import Machine
 
 _FARTHEST = 0.25  # No anchor is farther away than this share of the leg's length.

@@ -28,7 +28,7 @@ from duoglide.kinematics.headroom.anchors import bound_from_anchors
 from duoglide.kinematics.headroom.nearby_kernel import swing
 from duoglide.kinematics.headroom.room import Room, box_distance, locate, outside
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
-from duoglide.kinematics.nearest import nearest_surface
+from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.machine import Machine
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]

@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
+from duoglide.kinematics.constants import CarriageConstants
 
 Two: TypeAlias = tuple[float, float]
 
@@ -42,7 +43,7 @@ def find_steepest(fixed: Two, foot: Two, rho: Two) -> float:
 
 
 @inlined
-def slopes(pose: Any, k: Any) -> tuple[float, float, float, float]:
+def slopes(pose: Any, k: CarriageConstants) -> tuple[float, float, float, float]:
     """Slopes of the platform by B in x and z, and by D.
 
     Args:
@@ -50,15 +51,15 @@ def slopes(pose: Any, k: Any) -> tuple[float, float, float, float]:
         k: As ``carriage_constants`` gives them.
     """
     B, D, X, Z = pose
-    h, rho = leg(k[0], 0.5 * B), sqrt(X * X + Z * Z)
-    n_x, n_z, e_x, e_z = (X - k[2]) / k[4], (Z - k[3] - h) / k[4], X / rho, Z / rho
+    h, rho = leg(k.l2, 0.5 * B), sqrt(X * X + Z * Z)
+    n_x, n_z, e_x, e_z = (X - k.F1) / k.l6, (Z - k.lift - h) / k.l6, X / rho, Z / rho
     sine = n_z * e_x - n_x * e_z
     by_h, by_rho = -0.25 * B / h * n_z / sine, -D / rho / sine
     return -e_z * by_h, e_x * by_h, n_z * by_rho, -n_x * by_rho
 
 
 @inlined
-def find_farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
+def find_farthest(pose: Any, far: Any, k: CarriageConstants) -> tuple[float, float]:
     """Bound how far the platform goes, and how far it goes off its slopes; NaN if not at all.
 
     Args:
@@ -67,7 +68,7 @@ def find_farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
         k: As ``carriage_constants`` gives them.
     """
     (B, D), (far_B, far_D) = pose, far
-    l2, F1, lift, l6, l9 = k[0], k[2], k[3], k[4], k[5]
+    l2, F1, lift, l6, l9 = k.l2, k.F1, k.lift, k.l6, k.l9
     most_B, most_D = abs(B) + far_B, abs(D) + far_D
     h_low, rho_low = leg(l2, 0.5 * most_B), leg(l9, most_D)
     h_high = leg(l2, 0.5 * max(abs(B) - far_B, 0.0))
@@ -83,7 +84,7 @@ def find_farthest(pose: Any, far: Any, k: Any) -> tuple[float, float]:
 
 
 @compiled
-def swing(patch: Any, position: FloatArray, k: Any, out: Any) -> None:
+def swing(patch: Any, position: FloatArray, k: CarriageConstants, out: Any) -> None:
     """Carry patches of carriages to the platform.
 
     Args:
@@ -96,8 +97,8 @@ def swing(patch: Any, position: FloatArray, k: Any, out: Any) -> None:
     middle, ways, beyond = patch
     across, off, reach = out
     for i in range(middle.shape[0]):
-        B, D = middle[i, 1] - middle[i, 0] - k[1], middle[i, 2] - position[i, 1]
-        xB, zB, xD, zD = slopes((B, D, position[i, 0] - k[6], position[i, 2] - k[7]), k)
+        B, D = middle[i, 1] - middle[i, 0] - k.l3, middle[i, 2] - position[i, 1]
+        xB, zB, xD, zD = slopes((B, D, position[i, 0] - k.xb, position[i, 2] - k.zb), k)
         far_B, far_D = beyond[i, 3], beyond[i, 4]
         for w in range(ways.shape[1]):
             one, two, three = ways[i, w, 0], ways[i, w, 1], ways[i, w, 2]

@@ -16,7 +16,7 @@ from duoglide.kinematics import kernels
 from duoglide.kinematics.constants import carriage_constants
 from duoglide.kinematics.model import inverse, reachable
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
-from duoglide.kinematics.singularity import clearance, margins
+from duoglide.kinematics.singularity.margins import clearance, margins
 from duoglide.machine import Box, Machine
 
 TOUCHING = 1e-7  # [mm]; a margin this near to what is required counts as touching, and is refused

@@ -12,7 +12,7 @@ import numpy as np
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import ConfigError
 from duoglide.kinematics.modes import WORKING, WorkingMode
-from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.singularity.margins import clearance
 from duoglide.kinematics.transmission import transmission
 from duoglide.kinematics.workspace.columns import columns
 from duoglide.kinematics.workspace.constraints import Constraints

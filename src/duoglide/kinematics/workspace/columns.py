@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray, as_triples
-from duoglide.kinematics.constants import Plane, pose_constants
+from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.kernels import in_numpy, inverse_pose, margins_pose
 from duoglide.kinematics.modes import WORKING, WorkingMode
-from duoglide.kinematics.nearest import nearest_surface
+from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.kinematics.workspace.constraints import Constraints, Range
 from duoglide.kinematics.workspace.interference import interference_gap
 from duoglide.machine import Geometry
@@ -22,7 +22,7 @@ _inverse_columns, _margins_columns = in_numpy(inverse_pose), in_numpy(margins_po
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns:
-    """What is admissible on lines along y through points of the xz plane.
+    """What is admissible on lines along y through points of the xz k.
 
     Attributes:
         low: Least admissible y [mm], +inf where nothing is admissible.
@@ -63,19 +63,19 @@ def columns(
         mode: Which of the inverse solutions; of it, the side m = +1 (legs above flat) counts.
     """
     g, c = geometry, constraints
-    plane, k = Plane.of(g), pose_constants(g, mode)
+    k = pose_constants(g, mode)
     with np.errstate(invalid="ignore"):  # beyond reach roots are NaN, and compare as false
-        carriages = _inverse_columns(x, 0.0, z, k)
+        a1, a2, a3 = carriages = _inverse_columns(x, 0.0, z, k)
         strut, h, in_line, _ = _margins_columns(x, z, k)
         inside = (h >= 0.0) & (h <= g.leg_length) & (strut >= 0.0)
         if not c.beyond_case_2:
             inside &= in_line >= 0.0
-        inside &= carriages[1] - carriages[0] >= c.carriage_width
+        inside &= a2 - a1 >= c.carriage_width
         for limits, angle in (
             (c.leg_angle, lambda: np.arcsin(h / g.leg_length)),
-            (c.arm_angle, lambda: np.arctan2(z - plane.base - h, plane.cx - x)),
-            (c.strut_swing, lambda: np.arctan2(x - plane.xb, z - plane.zb)),
-            (c.strut_tilt, lambda: np.arcsin(carriages[2] / g.strut_length)),
+            (c.arm_angle, lambda: np.arctan2(z - k.base - h, k.cx - x)),
+            (c.strut_swing, lambda: np.arctan2(x - k.xb, z - k.zb)),
+            (c.strut_tilt, lambda: np.arcsin(a3 / g.strut_length)),
         ):
             if limits != Range():
                 turned = angle()

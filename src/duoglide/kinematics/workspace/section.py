@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.kernels import in_numpy, margins_pose
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.workspace.constraints import Constraints
@@ -106,7 +106,7 @@ def section(
         return Section(())
     k = pose_constants(geometry, mode)
     order = _Order(_curves(geometry, bounds, mode.v), bounds, k, limits.beyond_case_2)
-    middle, _, reach, *_ = k
+    middle, reach = k.cx, k.l6
     x = np.unique(np.append(np.linspace(middle - reach, middle + reach, SAMPLES), middle))
     breaks = np.concatenate([x[:1], _changes(order, x), x[-1:]])
     pieces = []
@@ -202,7 +202,7 @@ class _Order:
 
     curves: tuple[Curve, ...]
     bounds: _Bounds
-    constants: Constants
+    constants: PoseConstants
     beyond_case_2: bool
 
     def signatures(self, x: FloatArray) -> IndexArray:

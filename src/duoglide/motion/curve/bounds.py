@@ -34,6 +34,11 @@ def curve_bounds(curve: Curve) -> CurveBounds:
 
     A helix adds its constant advance to the first derivative.
     """
+    return CurveBounds(*derivative_bounds(curve, 3))
+
+
+def derivative_bounds(curve: Curve, highest: int) -> list[FloatArray]:
+    """Bound the derivatives 1 to ``highest`` of every piece, (n, 3) each [mm per mm^order]."""
     bounds = []
     powers = curve.coefficients
     arcs = curve.rates > 0.0
@@ -42,14 +47,14 @@ def curve_bounds(curve: Curve) -> CurveBounds:
     advance = np.zeros_like(radius)
     if powers.shape[1] > 3:
         advance = np.abs(powers[arcs, 3]) / curve.spans[arcs, None]
-    for order in (1, 2, 3):
+    for order in range(1, highest + 1):
         powers = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / curve.spans[:, None, None]
         if powers.shape[1] == 0:
             powers = np.zeros((curve.count, 1, 3))
         bound = np.abs(bernstein(powers.shape[1] - 1) @ powers).max(axis=1)
         bound[arcs] = radius * rate**order + (advance if order == 1 else 0.0)
         bounds.append(bound * _ROUNDING)
-    return CurveBounds(*bounds)
+    return bounds
 
 
 @cache

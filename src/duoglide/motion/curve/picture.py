@@ -14,7 +14,7 @@ from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
 from duoglide.drawing.section import draw_section
 from duoglide.errors import PathError
 from duoglide.kinematics.model import reachable
-from duoglide.kinematics.singularity import clearance
+from duoglide.kinematics.singularity.margins import clearance
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
 

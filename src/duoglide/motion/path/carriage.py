@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.derivatives import carriage_jets
 from duoglide.kinematics.model import inverse_derivatives
 from duoglide.kinematics.modes import WORKING
@@ -56,7 +56,7 @@ class CarriagePath:
         return self.checked.curve.position(sigma)
 
     @cached_property
-    def _constants(self) -> Constants:
+    def _constants(self) -> PoseConstants:
         return pose_constants(self.checked.machine.geometry, WORKING)
 
     def derivatives(self, sigma: float | FloatArray, piece: Any = None) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from duoglide.errors import DuoglideError, InputError
-from duoglide.kinematics.singularity import FAMILIES
+from duoglide.kinematics.singularity.margins import FAMILIES
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.actions import Action, action_from_dict

@@ -10,7 +10,7 @@ from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.home import home_carriages
 from duoglide.kinematics.model import forward, jacobian, reachable
 from duoglide.kinematics.modes import WORKING, WorkingMode
-from duoglide.kinematics.singularity import margins
+from duoglide.kinematics.singularity.margins import margins
 from duoglide.kinematics.solutions import ForwardSolution, forward_all, inverse_all
 from duoglide.kinematics.workspace import Curve, CurveKind
 from duoglide.machine import Geometry, Machine

@@ -130,7 +130,7 @@ def through_links(position: FloatArray, rates: Any, half: FloatArray, k: Any, ou
         k: As ``pose_constants`` gives them.
         out: Bounds on the second and third derivatives of carriages 1 to 3, B and D, (n, 5) each.
     """
-    cx, base, l6, l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k
+    cx, base, xb, zb, v, l6, l2, l9 = k.cx, k.base, k.xb, k.zb, k.v, k.l6, k.l2, k.l9
     none = (0.0, 0.0, 0.0)
     for i in range(half.size):
         x, z, t = position[i, 0], position[i, 2], half[i]

@@ -7,8 +7,8 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.headroom.room import box_distance, outside
 from duoglide.kinematics.modes import WORKING
-from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import reach_of
+from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.planning.check.margins import boxes, clearance, room_to_travel, travel
 from duoglide.planning.check.rules import Intervals, Parts, Rules, Verdict
 

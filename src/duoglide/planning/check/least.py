@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.singularity import FAMILIES, margins
+from duoglide.kinematics.singularity.margins import FAMILIES, margins
 from duoglide.motion.path.checked import CheckReport, LeastMargin
 from duoglide.planning.check.judge import judge_points
 from duoglide.planning.check.rules import CLEARANCE, IndexArray, Intervals, Rules

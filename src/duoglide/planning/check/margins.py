@@ -15,12 +15,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.constants import PoseConstants
 from duoglide.kinematics.headroom.anchors import bound_from_anchors
 from duoglide.kinematics.headroom.room import SURE, box_distance, outside
 from duoglide.kinematics.modes import WORKING
-from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import Reach
+from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.machine import Machine
 from duoglide.planning.check.rules import Parts, Rules
 
@@ -59,20 +59,19 @@ def travel(rules: Rules, parts: Parts, reach: Reach) -> Bounded:
     return margins, margins - np.stack(less, axis=1)
 
 
-def _strokes(parts: Parts, reach: Reach, k: Constants) -> tuple[Bend, Bend]:
+def _strokes(parts: Parts, reach: Reach, k: PoseConstants) -> tuple[Bend, Bend]:
     """Differentiate the strokes p and q by sigma; NaN where one of them may vanish."""
-    cx, _base, l6, l2, _half, xb, zb, l9, _v, _w1, _w2, _w3 = k
     (x, _, z), (dx, _, dz) = parts.states[:, 0].T, parts.states[:, 1].T
     (vx, _, vz), (ax, _, az), half = parts.first.T, parts.second.T, parts.half
-    u, X, Z = x - cx, x - xb, z - zb
+    u, X, Z = x - k.cx, x - k.xb, z - k.zb
     bend = vx * vx + (np.abs(u) + vx * half) * ax
-    A = _root(l6, reach.A, u * u, Bend(u * dx, bend), half)
+    A = _root(k.l6, reach.A, u * u, Bend(u * dx, bend), half)
     dh, ah = dz - A.slope, az + A.bound
     vh = np.abs(dh) + ah * half
     bend = vh * vh + (np.abs(reach.h) + vh * half) * ah
-    p = _root(l2, reach.p, reach.h * reach.h, Bend(reach.h * dh, bend), half)
+    p = _root(k.l2, reach.p, reach.h * reach.h, Bend(reach.h * dh, bend), half)
     bend = vx * vx + vz * vz + (np.abs(X) + vx * half) * ax + (np.abs(Z) + vz * half) * az
-    q = _root(l9, reach.q, X * X + Z * Z, Bend(X * dx + Z * dz, bend), half)
+    q = _root(k.l9, reach.q, X * X + Z * Z, Bend(X * dx + Z * dz, bend), half)
     return p, q
 
 

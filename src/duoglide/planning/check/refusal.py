@@ -11,9 +11,9 @@ from duoglide.errors import PathError, UnreachableError
 from duoglide.kinematics.headroom.room import TOUCHING
 from duoglide.kinematics.model import inverse
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
-from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import reach_of
-from duoglide.kinematics.singularity import margins
+from duoglide.kinematics.singularity.margins import margins
+from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.segments import show

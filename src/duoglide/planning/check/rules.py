@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.headroom.room import SURE, TOUCHING
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
@@ -37,7 +37,7 @@ class Rules:
     machine: Machine
     curve: Curve
     bounds: CurveBounds
-    constants: Constants
+    constants: PoseConstants
     required: FloatArray
 
     @classmethod

@@ -26,7 +26,6 @@ from duoglide.machine import Machine
 from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import distance
-from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.programs.joints import Entry, entries
 from duoglide.planning.programs.windows import (
     Seam,
@@ -38,6 +37,7 @@ from duoglide.planning.programs.windows import (
 )
 from duoglide.planning.timing.lead import Lead
 from duoglide.planning.tolerances import NANOMETRE
+from duoglide.planning.trajectory import Trajectory
 
 Count = Callable[[int, float], None]
 """Told after each path how many are planned, and how long they take together [s]."""

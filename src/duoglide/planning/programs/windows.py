@@ -16,7 +16,6 @@ from duoglide.motion.path.rounded import RoundedPath
 from duoglide.motion.path.segments import COINCIDENT, Line, Point, as_point, distance
 from duoglide.motion.profile import SIGMA, SPEED, TIME, Profile
 from duoglide.motion.rounding.blend import Blend, Corner
-from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.check.check import check_path
 from duoglide.planning.plan import plan
@@ -25,6 +24,7 @@ from duoglide.planning.timing.lead import Lead
 from duoglide.planning.timing.time_path import time_path
 from duoglide.planning.timing.timed_curve import SigmaCap
 from duoglide.planning.tolerances import NANOMETRE
+from duoglide.planning.trajectory import Trajectory
 
 STRAIGHT = 4.0  # mm that a straight piece has at least where a seam is
 _SHARE = 0.3  # This share of a straight piece comes before the seam.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import UnreachableError
-from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
@@ -123,7 +123,7 @@ class TimedCurve:
         return curve.breaks, curve.spans, curve.rates, curve.coefficients
 
     @cached_property
-    def _constants(self) -> Constants:
+    def _constants(self) -> PoseConstants:
         return pose_constants(self.machine.geometry, WORKING)
 
     def cell_states(self, profile: Profile, points: int) -> tuple[FloatArray, NDArray[np.intp]]:

@@ -20,16 +20,16 @@ from duoglide.errors import InputError, PathError, SingularityError
 from duoglide.kinematics.headroom.room import TOUCHING, locate, room
 from duoglide.kinematics.home import home_carriages
 from duoglide.kinematics.model import inverse, reachable
-from duoglide.kinematics.singularity import clearance_gradient
+from duoglide.kinematics.singularity.margins import clearance_gradient
 from duoglide.machine import CarriageLimits, Machine
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.segments import show
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
-from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.compare import first_least
 from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.trajectory import Trajectory
 from duoglide.planning.transfer.certificate import keeps
 from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 

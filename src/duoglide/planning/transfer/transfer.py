@@ -18,10 +18,10 @@ from duoglide.motion.path.segments import show
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
-from duoglide.motion.trajectory import Trajectory
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.stops.certificate import stop_bounds
 from duoglide.planning.tolerances import PICOMETRE
+from duoglide.planning.trajectory import Trajectory
 from duoglide.planning.transfer.certificate import certify
 from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 

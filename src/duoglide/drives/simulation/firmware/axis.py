@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from duoglide.drives.cia402 import Command, Mode, State, command_of
 from duoglide.drives.pdo import INTERLOCK
-from duoglide.drives.simulation.demand import FRACTION, SECOND, Phase
-from duoglide.drives.simulation.firmware_objects import (
+from duoglide.drives.simulation.firmware.demand import FRACTION, SECOND, Phase
+from duoglide.drives.simulation.firmware.objects import (
     ALLOWED,
     NO_OBJECT,
     OUT_OF_RANGE,
@@ -18,8 +18,8 @@ from duoglide.drives.simulation.firmware_objects import (
     RefusalError,
     interpolation_period,
 )
-from duoglide.drives.simulation.firmware_status import AxisStatus
-from duoglide.drives.simulation.watchdogs import HEARTBEAT_LOST, FollowingWatch, HostWatch
+from duoglide.drives.simulation.firmware.status import AxisStatus
+from duoglide.drives.simulation.firmware.watchdogs import HEARTBEAT_LOST, FollowingWatch, HostWatch
 
 STO_ACTIVE = 0x5441
 COMMUNICATION = 0x8100

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from duoglide.drives import pdo
-from duoglide.drives.simulation.application import AxisApplication
-from duoglide.drives.simulation.node_objects import NodeObjects
+from duoglide.drives.simulation.node.application import AxisApplication
+from duoglide.drives.simulation.node.objects import NodeObjects
 
 _PDO_TOO_SHORT = 0x8210
 _INVALID = 1 << 31

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from duoglide.drives.cia402 import Mode, State, Status
 from duoglide.drives.pdo import INTERLOCK
-from duoglide.drives.simulation.demand import FRACTION, Demand, Phase
-from duoglide.drives.simulation.firmware_objects import (
+from duoglide.drives.simulation.firmware.demand import FRACTION, Demand, Phase
+from duoglide.drives.simulation.firmware.objects import (
     DEFAULTS,
     NO_OBJECT,
     RefusalError,

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.kinematics import kernels
 from duoglide.kinematics.compiled import compiled, share
-from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.constants import CarriageConstants, PoseConstants
 
 WORTH_LOADING = 1_000_000  # poses that numpy answers before numba is loaded for the next
 WORTH_CALLING = 500  # poses, from which calling compiled loops pays once they are loaded
@@ -36,7 +36,7 @@ class _Answered:
     poses = 0
 
 
-def inverse_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
+def inverse_many(position: FloatArray, k: PoseConstants) -> tuple[FloatArray, bool]:
     """Return the carriages of positions of shape (..., 3), and whether all of them are real."""
     if compiles(position):
         return _run(kernels.inverse_loop, position, k)
@@ -47,7 +47,7 @@ def inverse_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
     return carriages, bool(np.isfinite(carriages).all())
 
 
-def forward_many(carriages: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
+def forward_many(carriages: FloatArray, k: CarriageConstants) -> tuple[FloatArray, bool]:
     """Return the positions for carriages of shape (..., 3), and whether all of them are sure."""
     if compiles(carriages):
         return _run(kernels.forward_loop, carriages, k)
@@ -59,7 +59,7 @@ def forward_many(carriages: FloatArray, k: Constants) -> tuple[FloatArray, bool]
     return position, all_sure
 
 
-def margins_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
+def margins_many(position: FloatArray, k: PoseConstants) -> tuple[FloatArray, bool]:
     """Return what ``margins_pose`` does, shape (4, ...), and whether all poses are within reach."""
     measured = np.empty((4, *position.shape[:-1]))
     if compiles(position):
@@ -69,10 +69,10 @@ def margins_many(position: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
     with np.errstate(invalid="ignore", over="ignore"):
         for (x, _, z), out in _blocks(position, rows):
             out[0], out[1], out[2], out[3] = _margins_columns(x, z, k)
-    return measured, bool((measured[0] >= 0.0).all() and (np.abs(measured[1]) <= k[3]).all())
+    return measured, bool((measured[0] >= 0.0).all() and (np.abs(measured[1]) <= k.l2).all())
 
 
-def legs_many(rise: FloatArray, k: Constants) -> tuple[FloatArray, FloatArray]:
+def legs_many(rise: FloatArray, k: PoseConstants) -> tuple[FloatArray, FloatArray]:
     """Return what ``legs_pose`` does, each of the shape of ``rise``."""
     if not _pays(rise.size):
         left, spread = _legs_columns(rise, k)
@@ -105,14 +105,15 @@ def as_pose(value: Any) -> Sequence[float]:
     return ()
 
 
-def margins_one(pose: Sequence[float], k: Constants) -> tuple[float, ...]:
+def margins_one(pose: Sequence[float], k: PoseConstants) -> tuple[float, ...]:
     """Return what ``margins_pose`` does if the pose is plainly within reach, else nothing."""
     x, y, z = pose
     try:
         measured = kernels.margins_pose(x, z, k)
     except ValueError:  # a square root has failed
         return ()
-    if measured[0] >= 0.0 and -k[3] <= measured[1] <= k[3] and y - y == 0.0:
+    strut, h, _, _ = measured
+    if strut >= 0.0 and abs(h) <= k.l2 and y - y == 0.0:
         return measured
     return ()
 
@@ -150,7 +151,9 @@ def _pays(poses: int) -> bool:
     return poses >= WORTH_CALLING and (loaded or _Answered.poses >= WORTH_LOADING)
 
 
-def _run(loop: Callable[..., int], array: FloatArray, k: Constants) -> tuple[FloatArray, bool]:
+def _run(
+    loop: Callable[..., int], array: FloatArray, k: PoseConstants | CarriageConstants
+) -> tuple[FloatArray, bool]:
     out = np.empty(array.shape)
     failed = _compiled(loop)(_flat(array), out.reshape(-1), k)
     return out, failed == 0

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.kinematics.singularity import clearance_gradient
+from duoglide.kinematics.singularity.margins import clearance_gradient
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.actions import Dwell, SetOutput
 from duoglide.motion.path.checked import CheckedPath

@@ -5,17 +5,26 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from duoglide.errors import ConfigError, DuoglideError, InputError, LogError
+import numpy as np
+
+from duoglide.arrays import FloatArray
+from duoglide.errors import DuoglideError, InputError, LimitError, LogError
+from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
-from duoglide.motion.path.actions import Action, Dwell, action_from_dict
+from duoglide.motion.pace import Pace
+from duoglide.motion.path.actions import Action, Dwell
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.path.checked import CheckedPath
 from duoglide.motion.path.transfer import TransferPath
-from duoglide.motion.profile import Profile
+from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.stop_bounds import StopBounds
-from duoglide.motion.timing_report import TimingReport
+from duoglide.motion.timing_report import TimingMethod, TimingReport
+from duoglide.planning.certify import NOT_LOOKED_AT, certify, renew_report
+from duoglide.planning.limit_use import ALLOWED, NAMES, uses_at_cycles
+from duoglide.planning.stops.certificate import stop_bounds, stop_bounds_until
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,11 +41,16 @@ class Trajectory(Motion):
         actions: What to do on the way: (time [s], action), in order.
         whole: Where this ends in motion, because another trajectory takes over: the trajectory to
             rest that it is the first part of. Run that if no other one comes.
+        plan: Where this is a run as it was recorded, at ``pace``: what was planned. Its changes of
+            pace may use ``machine.stop_limits``.
+        pace: How that run went along its plan.
     """
 
     stops: StopBounds
     actions: tuple[tuple[float, Action], ...] = ()
     whole: Trajectory | None = None
+    plan: Trajectory | None = None
+    pace: Pace | None = None
 
     @classmethod
     def of(cls, motion: Motion, stops: StopBounds) -> Trajectory:
@@ -54,6 +68,49 @@ class Trajectory(Motion):
         profile = self.profile.until(knot)
         passed = tuple(entry for entry in self.actions if entry[0] < profile.duration)
         return replace(self, profile=profile, stops=stops, actions=passed, whole=self)
+
+    @classmethod
+    def repaced(cls, plan: Trajectory, pace: Pace) -> Trajectory:
+        """Return a plan as a run went along it.
+
+        Raises:
+            LimitError: The positions of its cycles ask for more than the machine's ``stop_limits``;
+                a run whose last cycles were filtered out breaks off at speed, and does.
+        """
+        report = replace(
+            plan.report,
+            method=TimingMethod.RECORDED,
+            brake_safe=False,
+            braking_clearance=NOT_LOOKED_AT,
+        )
+        motion = Motion(plan.path, pace.profile_of(plan.profile), report=report)
+        _require_stop_limits(motion)
+        due = tuple((pace.time_of(t), action) for t, action in plan.actions)
+        actions = tuple(entry for entry in due if isfinite(entry[0]))
+        stops = stop_bounds(motion)
+        return cls(motion.path, motion.profile, stops, actions, plan=plan, pace=pace, report=report)
+
+    def certified_for(self, machine: Machine) -> tuple[Trajectory, FloatArray]:
+        """Return the same motion for a machine, certified again as if nobody had planned it.
+
+        Returns:
+            The trajectory, with stop bounds of this machine, and its use of the limits (of the stop
+            limits, at the cycles, for a recorded run): velocity, acceleration and jerk of each
+            carriage, shape (3, 3).
+
+        Raises:
+            PathError: The machine cannot follow the path, or the motion jumps.
+            LimitError: It asks for more than a limit of the machine.
+        """
+        if self.plan is not None and self.pace is not None:
+            plan, _ = self.plan.certified_for(machine)
+            again = replace(Trajectory.repaced(plan, self.pace), actions=self.actions)
+            return again, uses_at_cycles(again, machine)
+        motion, uses = certify(machine, self)
+        if machine.to_dict() != self.machine.to_dict():
+            motion = renew_report(motion)
+        again = replace(self, path=motion.path, stops=stop_bounds(motion), report=motion.report)
+        return again, uses.seen
 
     def audit(self) -> Audit:
         """Measure the worst use of each limit on finite differences of the positions, at 20 kHz.
@@ -83,6 +140,8 @@ class Trajectory(Motion):
                 "knot": knot,
                 "stops": self.stops.to_dict(),
             }
+        if self.plan is not None and self.pace is not None:
+            return {"plan": self.plan.to_document(), "pace": self.pace.to_dict()}
         return {
             **_describe(self.path),
             "profile": self.profile.knots.tolist(),
@@ -95,21 +154,31 @@ class Trajectory(Motion):
     def from_document(cls, document: Mapping[str, Any]) -> Trajectory:
         """Rebuild the trajectory that ``to_document`` described, to the last bit.
 
+        The curve and the profile are read. All else that a trajectory promises is derived from
+        them again, by the certificates that made it (``planning/certify.py``), for the machine of
+        the document: whoever moves a machine with it asks once more for that machine.
+
         Raises:
             InputError: Not such a document.
             ConfigError: Its machine breaks a rule.
+            PathError: Its machine cannot follow the path, or the motion jumps.
+            LimitError: It asks for more than a limit of its machine.
         """
         try:
             if "whole" in document:
-                whole = cls.from_document(document["whole"])
-                return whole.until(int(document["knot"]), StopBounds.from_dict(document["stops"]))
-            return cls(
-                path=_path_of(document),
-                profile=Profile(document["profile"]),
-                stops=StopBounds.from_dict(document["stops"]),
-                actions=tuple((float(t), action_from_dict(a)) for t, a in document["actions"]),
-                report=TimingReport.from_dict(document["report"]),
-            )
+                whole, knot = cls.from_document(document["whole"]), document["knot"]
+                if type(knot) is not int or not 0 < knot < len(whole.profile.knots) - 1:
+                    raise InputError(f"knot = {knot!r:.40}: the whole has no such inner knot")
+                end = float(whole.profile.knots[knot, TIME])
+                return whole.until(knot, stop_bounds_until(whole, end))
+            if "plan" in document:
+                plan = cls.from_document(document["plan"])
+                return cls.repaced(plan, Pace.from_dict(document["pace"]))
+            report = TimingReport.from_dict(document["report"])
+            told = Motion(_path_of(document), Profile(document["profile"]), report=report)
+            motion, _ = certify(told.machine, told)
+            motion = renew_report(motion)
+            return cls.of(motion, stop_bounds(motion))
         except DuoglideError:
             raise
         except (KeyError, TypeError, ValueError) as error:
@@ -129,15 +198,17 @@ class Trajectory(Motion):
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
         """Read the plan from an MCAP file: a plan, or a run, which holds its plan.
 
+        Nothing that the file promises is believed: see ``from_document``.
+
         Raises:
-            LogError: The file cannot be read, or holds no plan.
+            LogError: The file cannot be read, or holds no plan that its machine can follow.
         """
         from duoglide.motion.plan_file import load
 
         document = load(path)
         try:
             return cls.from_document(document)
-        except (InputError, ConfigError) as error:
+        except DuoglideError as error:
             raise LogError(f"{path}: {error}") from error
 
     def plot(self) -> Figure:
@@ -158,6 +229,18 @@ class Trajectory(Motion):
     def __repr__(self) -> str:
         note = f", {self.report.method.value}: {self.report.reason}" if self.report.reason else ""
         return f"Trajectory({self.duration:.4f} s, {self.path.length:.4g} mm{note})"
+
+
+def _require_stop_limits(motion: Motion) -> None:
+    """Check a recorded motion, whose changes of pace are known at its cycles only."""
+    use = uses_at_cycles(motion, motion.machine)
+    if use.max() > ALLOWED:
+        order, carriage = np.unravel_index(int(np.argmax(use)), use.shape)
+        raise LimitError(
+            f"the recorded motion asks for {100.0 * use.max():.1f} % of stop_limits."
+            f"{NAMES[order]} of carriage {carriage + 1} of this machine; --override 100 replays"
+            " its plan instead"
+        )
 
 
 def action_times(motion: Motion) -> tuple[tuple[float, Action], ...]:

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics._case2 import Case2Curve, IndexArray, curve_of
-from duoglide.kinematics._nearest_pose import SURFACES
+from duoglide.kinematics.singularity.case2 import Case2Curve, IndexArray, curve_of
+from duoglide.kinematics.singularity.nearest_pose import SURFACES
 from duoglide.machine import Geometry
 
 BLOCK = 4096  # poses at a time, to bound the memory

@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from duoglide.drives.simulation.firmware_objects import RefusalError
-from duoglide.drives.simulation.node_objects import NodeObjects
+from duoglide.drives.simulation.firmware.objects import RefusalError
+from duoglide.drives.simulation.node.objects import NodeObjects
 
 TOGGLE = 0x05030000
 BAD_COMMAND = 0x05040001

@@ -18,8 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
-from duoglide.kinematics._nearest_pose import COARSE, STEPS, CurveNumbers
+from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.kernels import case2_point, in_numpy
+from duoglide.kinematics.singularity.nearest_pose import (
+    COARSE,
+    STEPS,
+    CurveNumbers,
+    Extent,
+    PieceNumbers,
+)
 from duoglide.machine import Geometry
 
 IndexArray: TypeAlias = NDArray[np.intp]
@@ -47,7 +54,7 @@ class Piece:
     X: FloatArray
     Z: FloatArray
     spacing: float
-    box: tuple[float, float, float, float]
+    box: Extent
 
     def squares(self, X: FloatArray, Z: FloatArray, step: int) -> FloatArray:
         """Return the squared distances of poses to every ``step``-th sample, shape (n, samples)."""
@@ -58,8 +65,8 @@ class Piece:
 
     def box_squares(self, X: FloatArray, Z: FloatArray) -> FloatArray:
         """Return less than the squared distances of poses to the piece, shape (n,)."""
-        x_low, x_high, z_low, z_high = self.box
-        dx, dz = X - np.clip(X, x_low, x_high), Z - np.clip(Z, z_low, z_high)
+        box = self.box
+        dx, dz = X - np.clip(X, box.x_low, box.x_high), Z - np.clip(Z, box.z_low, box.z_high)
         squares: FloatArray = dx * dx + dz * dz
         return squares
 
@@ -169,15 +176,14 @@ def _candidates(
 @lru_cache(maxsize=32)
 def curve_of(g: Geometry, v: int) -> Case2Curve:
     """Return the curve of a geometry, sampled once."""
-    lift = g.riser_height + g.arm_drop - g.strut_drop
-    F1 = 2.0 * (g.rail_half_spacing - g.platform_half_width)
+    plane = Plane.of(g)
     line: tuple[float, ...] = ()
-    if F1 == 0.0:
-        middle = lift + v * g.arm_length
+    if plane.F1 == 0.0:
+        middle = plane.lift + v * g.arm_length
         low = max(middle - g.leg_length, -g.strut_length)
         high = min(middle + g.leg_length, g.strut_length)
         line = (low, high) if low <= high else ()
-    curve = Case2Curve(F1=F1, l6=g.arm_length, v=v, pieces=(), line=line)
+    curve = Case2Curve(F1=plane.F1, l6=g.arm_length, v=v, pieces=(), line=line)
     ends = (_ends(g, v, side) for side in (1, -1))
     step = g.strut_length / STEPS_PER_LENGTH
     pieces = tuple(_sample(curve, (min(pair), max(pair)), step) for pair in ends if pair)
@@ -189,21 +195,23 @@ def plain_curve(g: Geometry, v: int) -> CurveNumbers:
     """Return the curve of a geometry in tuples: plain code is quicker with them than arrays."""
     curve = curve_of(g, v)
     low, high = curve.line or (inf, -inf)
-    ends = np.cumsum([0, *(piece.delta.size for piece in curve.pieces)]).tolist()
-    pieces, samples = [], []
-    for start, end, piece in zip(ends[:-1], ends[1:], curve.pieces, strict=True):
-        pieces += [start, end, piece.spacing, *piece.box]
-        samples += np.column_stack([piece.delta, piece.X, piece.Z]).ravel().tolist()
-    return CurveNumbers(
-        *(curve.F1, curve.l6, float(v), low, high), pieces=tuple(pieces), samples=tuple(samples)
+    pieces = (
+        PieceNumbers(
+            spacing=piece.spacing,
+            box=piece.box,
+            delta=tuple(piece.delta.tolist()),
+            X=tuple(piece.X.tolist()),
+            Z=tuple(piece.Z.tolist()),
+        )
+        for piece in curve.pieces
     )
+    return CurveNumbers(curve.F1, curve.l6, float(v), low, high, tuple(pieces))
 
 
 def _ends(g: Geometry, v: int, side: int) -> tuple[float, ...]:
     """Return the two values of delta between which one side of the pole is within reach."""
-    lift = g.riser_height + g.arm_drop - g.strut_drop
-    l2, l6, l9 = g.leg_length, g.arm_length, g.strut_length
-    slope = -2.0 * (g.rail_half_spacing - g.platform_half_width) * side
+    plane, l2, l6, l9 = Plane.of(g), g.leg_length, g.arm_length, g.strut_length
+    lift, slope = plane.lift, -plane.F1 * side
     low, high = 0.0, inf  # |tan(beta)|
     if slope == 0.0:
         if abs(lift) > l2 or l6 > l9:
@@ -234,12 +242,15 @@ def _sample(curve: Case2Curve, ends: tuple[float, float], step: float) -> Piece:
         middle = 0.5 * (delta[:-1] + delta[1:])
         delta = np.sort(np.concatenate([delta, middle[split]]))
     spacing = 1.01 * float(chord.max())
-    low = float(x.min()) - spacing, float(z.min()) - spacing
-    high = float(x.max()) + spacing, float(z.max()) + spacing
     return Piece(
         delta=read_only(delta),
         X=read_only(x),
         Z=read_only(z),
         spacing=spacing,
-        box=(low[0], high[0], low[1], high[1]),
+        box=Extent(
+            x_low=float(x.min()) - spacing,
+            x_high=float(x.max()) + spacing,
+            z_low=float(z.min()) - spacing,
+            z_high=float(z.max()) + spacing,
+        ),
     )

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_triples
 from duoglide.errors import SingularityError
-from duoglide.kinematics._batch import (
+from duoglide.kinematics.batch import (
     as_batch,
     as_pose,
     legs_many,
@@ -19,12 +19,12 @@ from duoglide.kinematics._batch import (
     margins_one,
     triple,
 )
-from duoglide.kinematics._case2 import plain_curve
-from duoglide.kinematics._nearest_pose import nearest_of_pose
-from duoglide.kinematics.constants import Constants, pose_constants
+from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.modes import WORKING, WorkingMode
-from duoglide.kinematics.nearest import nearest_surface
 from duoglide.kinematics.reach import require_reach
+from duoglide.kinematics.singularity.case2 import plain_curve
+from duoglide.kinematics.singularity.nearest import nearest_surface
+from duoglide.kinematics.singularity.nearest_pose import nearest_of_pose
 from duoglide.machine import Geometry
 
 FAMILIES = ("legs_vertical", "strut", "legs_parallel", "legs_flat", "arm_strut", "arm_flat")
@@ -41,7 +41,7 @@ class Margins:
     __slots__ = ("_constants", "_legs", "_measured")
     _legs: tuple[Any, Any]
 
-    def __init__(self, measured: Sequence[float] | FloatArray, constants: Constants) -> None:
+    def __init__(self, measured: Sequence[float] | FloatArray, constants: PoseConstants) -> None:
         """Take ``strut``, ``legs_flat``, ``arm_strut`` and ``arm_flat``, and what they are of."""
         self._measured = measured
         self._constants = constants
@@ -138,14 +138,13 @@ def margins(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING
     return Margins(many, k)
 
 
-def _margins_at_edge(position: FloatArray, k: Constants) -> FloatArray:
+def _margins_at_edge(position: FloatArray, k: PoseConstants) -> FloatArray:
     """Refuse what is beyond reach; take what only rounding has put there for the edge itself."""
     reach = require_reach(position, k)
-    cx, _, l6, l2, _, xb, zb, *_ = k
-    u, X, Z = position[..., 0] - cx, position[..., 0] - xb, position[..., 2] - zb
+    u, X, Z = position[..., 0] - k.cx, position[..., 0] - k.xb, position[..., 2] - k.zb
     left = -np.minimum(reach.lacking, 0.0)
-    rise = np.clip(reach.h, -l2, l2)
-    return np.stack([left[..., 2], rise, (X * reach.A - Z * u) / l6, left[..., 0]])
+    rise = np.clip(reach.h, -k.l2, k.l2)
+    return np.stack([left[..., 2], rise, (X * reach.A - Z * u) / k.l6, left[..., 0]])
 
 
 def clearance(geometry: Geometry, position: ArrayLike, mode: WorkingMode = WORKING) -> FloatArray:

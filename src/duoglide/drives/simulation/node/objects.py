@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from duoglide.drives import standstill
 from duoglide.drives.linear_axis import object_dictionary
-from duoglide.drives.simulation.application import AxisApplication
-from duoglide.drives.simulation.firmware_objects import (
+from duoglide.drives.simulation.firmware.objects import (
     DEFAULTS,
     NO_OBJECT,
     OUT_OF_RANGE,
     WRONG_STATE,
     RefusalError,
 )
-from duoglide.drives.simulation.node_memory import LOAD, RESTORE, SAVE, STORE, ParameterMemory
+from duoglide.drives.simulation.node.application import AxisApplication
+from duoglide.drives.simulation.node.memory import LOAD, RESTORE, SAVE, STORE, ParameterMemory
 from duoglide.drives.standstill import Standstill
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ numpy would spend most of its time on being called. Both are tested against each
 from __future__ import annotations
 
 from math import copysign, sqrt
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
-from duoglide.kinematics.constants import Constants
+from duoglide.kinematics.constants import PoseConstants
 from duoglide.kinematics.kernels import case2_point
 
 ARM_FLAT, STRUT, LEGS_FLAT, ARM_STRUT = 0, 1, 3, 5  # places in ``SURFACES``
@@ -17,6 +17,33 @@ COARSE = 16  # every so many samples for a first look
 STEPS = 60  # bisection alone would then be down to rounding
 
 Found: TypeAlias = tuple[float, float, float, int]  # distance, the direction away, the surface
+
+
+class Extent(NamedTuple):
+    """Least and greatest X and Z that a piece of the curve comes to, with a reserve [mm]."""
+
+    x_low: float
+    x_high: float
+    z_low: float
+    z_high: float
+
+
+class PieceNumbers(NamedTuple):
+    """A piece of the sampled curve, in tuples for plain code.
+
+    Attributes:
+        spacing: Greatest length of the curve between neighbours [mm], with a reserve.
+        box: Where the piece is.
+        delta: Parameter of the samples.
+        X: Coordinate along x of them [mm].
+        Z: Coordinate along z of them [mm].
+    """
+
+    spacing: float
+    box: Extent
+    delta: tuple[float, ...]
+    X: tuple[float, ...]
+    Z: tuple[float, ...]
 
 
 class CurveNumbers(NamedTuple):
@@ -28,9 +55,7 @@ class CurveNumbers(NamedTuple):
         v: Sign of sin(beta).
         low: Least Z of the line X = 0 where F1 = 0, above ``high`` where there is none [mm].
         high: Greatest Z of it [mm].
-        pieces: Of each piece its first sample and the one after its last, its ``spacing`` and its
-            ``box``, as in ``Piece``: seven numbers, one piece after the other.
-        samples: Of each sample its parameter, X and Z, one after the other.
+        pieces: What of it lies within reach.
     """
 
     F1: float
@@ -38,11 +63,12 @@ class CurveNumbers(NamedTuple):
     v: float
     low: float
     high: float
-    pieces: Any
-    samples: Any
+    pieces: tuple[PieceNumbers, ...]
 
 
-def nearest_of_pose(x: float, z: float, k: Constants, curve: CurveNumbers, within: float) -> Found:
+def nearest_of_pose(
+    x: float, z: float, k: PoseConstants, curve: CurveNumbers, within: float
+) -> Found:
     """Find the nearest surface of a reachable pose.
 
     Args:
@@ -55,15 +81,15 @@ def nearest_of_pose(x: float, z: float, k: Constants, curve: CurveNumbers, withi
     Returns:
         Distance [mm], x and z of the direction straight away, and place of it in ``SURFACES``.
     """
-    cx, base, l6, l2, _half, xb, zb, l9, v, _w1, _w2, _w3 = k
-    u, X, Z = x - cx, x - xb, z - zb
+    l6, l2, l9, v = k.l6, k.l2, k.l9, k.v
+    u, X, Z = x - k.cx, x - k.xb, z - k.zb
     radius = sqrt(X * X + Z * Z)
     best, away_x, away_z, surface = max(l6 - abs(u), 0.0), -copysign(1.0, u), 0.0, ARM_FLAT
     if l9 - radius < best:
         best, surface = max(l9 - radius, 0.0), STRUT
         away_x, away_z = (-X / radius, -Z / radius) if radius > 0.0 else (1.0, 0.0)
     for side in range(-1, 2):
-        w = z - base - side * l2
+        w = z - k.base - side * l2
         around = sqrt(u * u + w * w)
         if v * w >= 0.0 and abs(around - l6) < best:
             best, surface = abs(around - l6), LEGS_FLAT + side
@@ -72,7 +98,7 @@ def nearest_of_pose(x: float, z: float, k: Constants, curve: CurveNumbers, withi
             away_x, away_z = turn * u, turn * w
     if curve.low <= Z <= curve.high and abs(X) < best:
         best, away_x, away_z, surface = abs(X), copysign(1.0, X), 0.0, ARM_STRUT
-    for piece in range(len(curve.pieces) // 7):
+    for piece in curve.pieces:
         distance, ahead, up = nearest_on_piece(X, Z, curve, piece, min(best, within))
         if distance < best:
             best, away_x, away_z, surface = distance, ahead, up, ARM_STRUT
@@ -80,7 +106,7 @@ def nearest_of_pose(x: float, z: float, k: Constants, curve: CurveNumbers, withi
 
 
 def nearest_on_piece(
-    X: float, Z: float, curve: CurveNumbers, piece: int, best: float
+    X: float, Z: float, curve: CurveNumbers, piece: PieceNumbers, best: float
 ) -> tuple[float, float, float]:
     """Find the nearest point of a piece of the curve, if it is nearer than ``best``.
 
@@ -90,49 +116,53 @@ def nearest_on_piece(
     Returns:
         The distance, or ``best`` again, and the direction away.
     """
-    away_x, away_z, row, pieces = 0.0, 0.0, 7 * piece, curve.pieces
-    start, end, spacing = int(pieces[row]), int(pieces[row + 1]), pieces[row + 2]
-    dx = max(pieces[row + 3] - X, X - pieces[row + 4], 0.0)
-    dz = max(pieces[row + 5] - Z, Z - pieces[row + 6], 0.0)
+    away_x, away_z, box, spacing, end = 0.0, 0.0, piece.box, piece.spacing, len(piece.delta)
+    dx = max(box.x_low - X, X - box.x_high, 0.0)
+    dz = max(box.z_low - Z, Z - box.z_high, 0.0)
     if dx * dx + dz * dz > best * best:
         return best, away_x, away_z
     bound = best
-    for i in range(start, end, COARSE):
-        bound = min(bound, sample_gap(X, Z, curve.samples, i))
-    i = start
+    for i in range(0, end, COARSE):
+        bound = min(bound, sample_gap(X, Z, piece, i))
+    i = 0
     while i < end:
-        here = sample_gap(X, Z, curve.samples, i)
+        here = sample_gap(X, Z, piece, i)
         if here > bound + spacing:
             i += max(int((here - bound) / spacing) - 1, 1)
             continue
         bound = min(bound, here)
-        before, after = max(i - 1, start), min(i + 1, end - 1)
-        beside = sample_gap(X, Z, curve.samples, before), sample_gap(X, Z, curve.samples, after)
-        if here <= beside[0] and here <= beside[1]:
-            distance, ahead, up = refined(X, Z, curve, (before, i, after))
+        before, after = max(i - 1, 0), min(i + 1, end - 1)
+        beside = min(sample_gap(X, Z, piece, before), sample_gap(X, Z, piece, after))
+        if here <= beside:
+            cell = piece.delta[before], piece.delta[i], piece.delta[after]
+            distance, ahead, up = refine(X, Z, curve, cell)
             if distance < best:
                 best, away_x, away_z = distance, ahead, up
         i += 1
     return best, away_x, away_z
 
 
-def sample_gap(X: float, Z: float, samples: Any, i: int) -> float:
+def sample_gap(X: float, Z: float, piece: PieceNumbers, i: int) -> float:
     """Measure the distance of a pose to a sample."""
-    dx, dz = X - samples[3 * i + 1], Z - samples[3 * i + 2]
+    dx, dz = X - piece.X[i], Z - piece.Z[i]
     return sqrt(dx * dx + dz * dz)
 
 
-def refined(
-    X: float, Z: float, curve: CurveNumbers, cell: tuple[int, int, int]
+def refine(
+    X: float, Z: float, curve: CurveNumbers, cell: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Minimise the distance about a sample: Newton within a closing bracket.
+
+    Args:
+        X: Pose seen from B3 [mm].
+        Z: The same.
+        curve: The curve.
+        cell: Parameter of the sample before, of the sample, and of the one after.
 
     Returns:
         The distance, and the direction away.
     """
-    before, here, after = cell
-    samples = curve.samples
-    low, delta, high = samples[3 * before], samples[3 * here], samples[3 * after]
+    low, delta, high = cell
     for _ in range(STEPS):
         cx, cz, tx, tz, bx, bz = case2_point(delta, curve.F1, curve.l6, curve.v)
         dx, dz = cx - X, cz - Z

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from duoglide.drives.cia402 import Mode, State
-from duoglide.drives.simulation.demand import FRACTION, Phase
-from duoglide.drives.simulation.firmware import FirmwareAxis
+from duoglide.drives.simulation.firmware.axis import FirmwareAxis
+from duoglide.drives.simulation.firmware.demand import FRACTION, Phase
 
 NEGATIVE_LIMIT = 1 << 0  # of 0x60FD
 POSITIVE_LIMIT = 1 << 1

@@ -12,13 +12,13 @@ from math import floor
 
 from duoglide.drives import pdo
 from duoglide.drives.pdo import Nmt, NmtState
-from duoglide.drives.simulation.application import AxisApplication
-from duoglide.drives.simulation.node_memory import ParameterMemory
-from duoglide.drives.simulation.node_objects import NodeObjects, read_variables
-from duoglide.drives.simulation.node_pdo import ProcessData
+from duoglide.drives.simulation.firmware.watchdogs import HEARTBEAT_LOST
+from duoglide.drives.simulation.node.application import AxisApplication
+from duoglide.drives.simulation.node.memory import ParameterMemory
+from duoglide.drives.simulation.node.objects import NodeObjects, read_variables
+from duoglide.drives.simulation.node.process_data import ProcessData
+from duoglide.drives.simulation.node.sdo_server import SdoServer
 from duoglide.drives.simulation.plant import Plant
-from duoglide.drives.simulation.sdo_server import SdoServer
-from duoglide.drives.simulation.watchdogs import HEARTBEAT_LOST
 from duoglide.drives.standstill import Standstill
 
 Send = Callable[[int, bytes], None]

@@ -1,0 +1,361 @@
+"""The fault matrix, printed: ``python tests/benchmarks/fault_matrix.py [WORD ...]``.
+
+Each fault is injected in the middle of a logged run at full speed along a path of five lines and
+four rounded corners, mostly by a proxy between the host and the hub that knows nothing of either
+(``tests/support/bus_proxy.py``). The host takes the simulated drives for real ones: it does not
+wait for them when the computer stands still. *Cycles*: from the news in the log to the first frame
+that differs. *Off path*: how far the platform was from the planned path at the worst, until
+everything stood, by what the simulated carriages really did; ``apart`` where they were where the
+links cannot close. With words on the command line, only faults whose names have one of them.
+
+The exit code is 1 where a reaction is not the one that is expected.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
+
+from bus_proxy import Act, BusProxy, Frame, Spoiler, Way
+
+import duoglide as dg
+from duoglide.control.host.handle import RunHandle
+from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.faults import Injection
+from duoglide.kinematics.home import home_carriages
+from duoglide.storage import CycleRecord, EventKind, Log, Phase, Topic, read_log
+
+MACHINE = dg.Machine.default()
+MM = round(MACHINE.drives.increments_per_mm[0])
+CORNERS = (
+    (0.0, -120.0, 300.0),
+    (60.0, -60.0, 330.0),
+    (-60.0, -10.0, 320.0),
+    (-41.0, 60.0, 280.0),
+    (50.0, 110.0, 340.0),
+    (0.0, 150.0, 300.0),
+)
+PATH = dg.Path.polyline(CORNERS, tolerance=5.0)
+WHEN = 0.4  # share of the run at which a fault comes
+QUICK_STOP = 0x0002
+NEWS = (EventKind.FAULT, EventKind.EMERGENCY, EventKind.BUS, EventKind.QUICK_STOP, EventKind.STOP)
+
+COMPLETED, STOPPED, QUICK, REFUSED = "completed", "stop on the path", "quick stop", "refused"
+ANY_STOP = frozenset({STOPPED, QUICK})
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """All that a fault can get hold of."""
+
+    drives: SimulatedDrives
+    proxy: BusProxy
+    robot: dg.Robot
+    handle: RunHandle
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault, how it is injected, and how it may end."""
+
+    name: str
+    inject: Callable[[Scene], object]
+    expected: frozenset[str]
+    override: float = 1.0
+
+
+def spoil(name: str, expected: frozenset[str] | str, *spoilers: Spoiler) -> Fault:
+    """Return a fault of the bus."""
+    return Fault(name, lambda scene: scene.proxy.spoil(*spoilers), _set(expected))
+
+
+def send(name: str, expected: frozenset[str] | str, way: Way, *frames: Frame) -> Fault:
+    """Return a fault that is a frame too many."""
+    return Fault(name, lambda scene: scene.proxy.send(way, *frames), _set(expected))
+
+
+def raw(name: str, expected: frozenset[str] | str, data: bytes) -> Fault:
+    """Return a fault that is no frame at all."""
+    return Fault(name, lambda scene: scene.proxy.send_raw("host", data), _set(expected))
+
+
+def drive(
+    name: str, expected: frozenset[str] | str, injection: Injection, override: float = 1.0
+) -> Fault:
+    """Return a fault of a simulated drive."""
+    return Fault(name, lambda scene: scene.drives.inject(injection), _set(expected), override)
+
+
+def _set(expected: frozenset[str] | str) -> frozenset[str]:
+    return frozenset({expected}) if isinstance(expected, str) else expected
+
+
+def to_drives(act: Act, by: int = 0, times: int | None = 1, axis: int = 1) -> Spoiler:
+    """Return what happens to an axis's setpoints."""
+    return Spoiler("drives", act, 0x200 + axis, by, times)
+
+
+def to_host(act: Act, by: int = 0, times: int | None = 1, axis: int = 1) -> Spoiler:
+    """Return what happens to an axis's feedback."""
+    return Spoiler("host", act, 0x180 + axis, by, times)
+
+
+def _pause(seconds: float) -> Callable[[Scene], None]:
+    """Return a streamer that stands still for a while."""
+
+    def pause(scene: Scene) -> None:
+        pid = scene.robot._connection.process.pid
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(seconds)
+        os.kill(pid, signal.SIGCONT)
+
+    return pause
+
+
+def _random_frames(scene: Scene) -> None:
+    chance = np.random.default_rng(7)
+    for _ in range(20):
+        frames = [
+            (int(chance.integers(1, 0x800)), chance.bytes(int(chance.integers(0, 9))))
+            for _ in range(50)
+        ]
+        # What a drive obeys or believes is tried one by one above; here it is the rest.
+        known = (0x080, 0x600, 0x580, 0x180, 0x200, 0x280, 0x300, 0x700)
+        scene.proxy.send("host", *[f for f in frames if f[0] & 0x780 not in known])
+        time.sleep(0.005)
+
+
+def _bus() -> Iterator[Fault]:
+    """Yield what can happen to frames."""
+    yield spoil("one setpoint lost", COMPLETED, to_drives("drop"))
+    yield spoil("5 setpoints of axis 1 lost", ANY_STOP, to_drives("drop", times=5))
+    yield spoil(
+        "setpoints of axis 2 lost for good", ANY_STOP, to_drives("drop", times=None, axis=2)
+    )
+    yield spoil(
+        "all setpoints lost for good",
+        ANY_STOP,
+        *(to_drives("drop", times=None, axis=a) for a in (1, 2, 3)),
+    )
+    yield spoil("one setpoint one cycle late", COMPLETED, to_drives("late"))
+    yield spoil("two setpoints change places", COMPLETED, to_drives("swap"))
+    yield spoil(
+        "setpoints one cycle late for good", ANY_STOP | {COMPLETED}, to_drives("hold", 1, None)
+    )
+    yield spoil("setpoints +10 mm for good", ANY_STOP, to_drives("shift", 10 * MM, None))
+    yield spoil("setpoints +1 mm for good", ANY_STOP, to_drives("shift", MM, None))
+    yield spoil("one setpoint +10 mm", ANY_STOP | {COMPLETED}, to_drives("shift", 10 * MM))
+    yield spoil("setpoints creep 0.02 mm a cycle", ANY_STOP, to_drives("creep", MM // 50, None))
+    yield spoil("setpoints of axis 3 freeze", ANY_STOP, to_drives("freeze", 0, None, 3))
+    yield spoil("one setpoint twice", COMPLETED, to_drives("copy", 2))
+    yield spoil("one setpoint cut to 3 bytes", COMPLETED, to_drives("cut", 3))
+    yield spoil("one setpoint of 8 bytes", COMPLETED, to_drives("pad"))
+    yield spoil("one setpoint scrambled", ANY_STOP | {COMPLETED}, to_drives("scramble"))
+    yield spoil("controlword without enable, once", ANY_STOP, to_drives("clear", 0x8))
+    yield spoil("one SYNC lost", COMPLETED, Spoiler("drives", "drop", 0x80))
+    yield spoil("5 SYNCs lost", ANY_STOP | {COMPLETED}, Spoiler("drives", "drop", 0x80, times=5))
+    yield spoil("SYNC lost for good", ANY_STOP, Spoiler("drives", "drop", 0x80, times=None))
+    yield spoil("one feedback lost", COMPLETED, to_host("drop"))
+    yield spoil("5 feedbacks of axis 2 lost", ANY_STOP, to_host("drop", times=5, axis=2))
+    yield spoil("feedback lost for good", ANY_STOP, to_host("drop", times=None))
+    yield spoil(
+        "feedback two cycles late for good", ANY_STOP | {COMPLETED}, to_host("hold", 2, None)
+    )
+    yield spoil("feedback +10 mm for good", ANY_STOP, to_host("shift", 10 * MM, None))
+    yield spoil("feedback +1 mm for good", ANY_STOP, to_host("shift", MM, None))
+    yield spoil("one feedback +10 mm", ANY_STOP | {COMPLETED}, to_host("shift", 10 * MM))
+    yield spoil(
+        "feedback with 2 mm of noise", ANY_STOP | {COMPLETED}, to_host("shake", 2 * MM, None)
+    )
+    yield spoil("feedback frozen", ANY_STOP, to_host("freeze", 0, None))
+    yield spoil("one feedback at 2^31 - 1", ANY_STOP | {COMPLETED}, to_host("place", 2**31 - 1))
+    yield spoil("feedback at -2^31 for good", ANY_STOP, to_host("place", -(2**31), None))
+    yield spoil("one feedback cut to 1 byte", COMPLETED, to_host("cut", 1))
+    yield spoil("feedback cut to 0 bytes for good", ANY_STOP, to_host("cut", 0, None))
+    yield spoil("one feedback of 8 bytes", COMPLETED, to_host("pad"))
+    yield spoil("one feedback scrambled", ANY_STOP | {COMPLETED}, to_host("scramble"))
+    yield spoil("one statusword with the fault bit", ANY_STOP | {COMPLETED}, to_host("set", 0x8))
+    yield spoil("one statusword of no state", ANY_STOP | {COMPLETED}, to_host("clear", 0x6F))
+    yield spoil("statusword of no state for good", ANY_STOP, to_host("clear", 0x6F, None))
+    yield spoil(
+        "heartbeat of axis 2 lost for good",
+        ANY_STOP | {COMPLETED},
+        Spoiler("host", "drop", 0x702, times=None),
+    )
+    yield send(
+        "emergency message of axis 1", ANY_STOP, "host", (0x081, bytes.fromhex("1023010000000000"))
+    )
+    yield send(
+        "emergency message of 3 bytes", ANY_STOP | {COMPLETED}, "host", (0x081, b"\x10\x23\x01")
+    )
+    yield send("boot-up of axis 3", ANY_STOP, "host", (0x703, b"\0"))
+    yield send("heartbeat in pre-operational", ANY_STOP, "host", (0x701, b"\x7f"))
+    yield send("SYNC of another host", ANY_STOP, "host", (0x080, b""))
+    yield send("setpoint of another host", ANY_STOP, "host", (0x201, bytes(6)))
+    yield send("NMT reset of another host", ANY_STOP, "drives", (0x000, b"\x81\x00"))
+    yield send("NMT pre-operational of another host", ANY_STOP, "drives", (0x000, b"\x80\x02"))
+    yield Fault("1000 frames of strangers", _random_frames, _set(COMPLETED))
+    yield raw("a message of one word", COMPLETED, b"< oh >")
+    yield raw("a frame that is none", COMPLETED, b"< frame xyz 1.0 zz >")
+    yield raw("10 kB without a bracket", COMPLETED, bytes(10_000))
+    yield raw("an error frame, bus off", ANY_STOP, b"< error 040 1.0 0000000000000000 >")
+    yield Fault("connection cut", lambda scene: scene.proxy.cut(), ANY_STOP)
+
+
+def _drives() -> Iterator[Fault]:
+    """Yield what can happen to drives."""
+    for axis in (1, 2, 3):
+        yield drive(f"device fault, axis {axis}", QUICK, faults.DeviceFault(axis))
+    yield drive("jam, axis 1", ANY_STOP, faults.Jam(1))
+    yield drive("safe torque off, axis 3", QUICK, faults.Sto(3))
+    yield drive("no feedback, axis 2", ANY_STOP, faults.Silence(2, heartbeat=False))
+    yield drive("no heartbeat, axis 2", ANY_STOP, faults.Silence(2, tpdo=False), 0.1)
+    yield drive("reboot, axis 1", ANY_STOP, faults.Reboot(1))
+
+
+def _host() -> Iterator[Fault]:
+    """Yield what can happen to the host and its streamer."""
+    yield Fault("stop", lambda scene: scene.handle.stop(), _set(STOPPED))
+    yield Fault("quick stop", lambda scene: scene.handle.quick_stop(), _set(QUICK))
+    yield Fault("hold, then stop", _hold_and_stop, _set(STOPPED))
+    yield Fault("streamer paused 5 ms", _pause(0.005), ANY_STOP | {COMPLETED})
+    yield Fault("streamer paused 15 ms", _pause(0.015), ANY_STOP)
+    yield Fault("streamer paused 60 ms", _pause(0.06), ANY_STOP)
+    yield Fault(
+        "streamer killed",
+        lambda scene: os.kill(scene.robot._connection.process.pid, signal.SIGKILL),
+        ANY_STOP,
+    )
+    yield Fault("200 orders at once", _hammer, _set(COMPLETED))
+
+
+def _hold_and_stop(scene: Scene) -> None:
+    scene.handle.hold()
+    time.sleep(0.05)
+    scene.handle.stop()
+
+
+def _hammer(scene: Scene) -> None:
+    for i in range(200):
+        scene.handle.set_override(0.5 + 0.5 * (i % 2))
+
+
+FAULTS = (*_bus(), *_drives(), *_host())
+
+
+def measure(fault: Fault, folder: Path) -> tuple[str, str]:
+    """Run, inject, and return the reaction and the fault's line of the table."""
+    path = folder / "run.mcap"
+    start = home_carriages(MACHINE).tolist()
+    trajectory = dg.plan(MACHINE, PATH)
+    with (
+        SimulatedDrives(MACHINE.drives, start, standstill=0.0) as drives,
+        BusProxy(drives.address) as proxy,
+        dg.Robot.connect(MACHINE, bus=proxy.address) as robot,
+    ):
+        robot.enable()
+        robot.home()
+        robot.run(dg.transfer(MACHINE, dg.forward(MACHINE.geometry, robot.held), CORNERS[0]))
+        handle = robot.start(trajectory, log=path, override=fault.override)
+        while handle.status.path_time < WHEN * trajectory.duration and not handle.done:
+            time.sleep(0.0005)
+        with Watch(drives) as places:
+            fault.inject(Scene(drives, proxy, robot, handle))
+            try:
+                report = handle.wait(10.0)
+                words = "; ".join(trip.words for trip in report.faults)
+                completed = report.completed
+            except dg.DuoglideError as error:
+                words, completed = str(error), False
+            time.sleep(0.2)  # until drives that brake by themselves stand
+        proxy.spoil()
+        for axis in (1, 2, 3):
+            drives.inject(faults.Clear(axis))
+    log = read_log(path)
+    rows = [(t, r) for t, r in log.records(Topic.CYCLE) if isinstance(r, CycleRecord)]
+    reaction = COMPLETED if completed else _reaction(rows)
+    away = _deviation(trajectory, np.array(places))
+    whole = "no" if log.missing else "yes"
+    good = " " if reaction in fault.expected else "!"
+    line = (
+        f"{good} {fault.name:<36}{reaction:<18}{_delay(log, rows):>6}"
+        f"{'apart' if np.isinf(away) else f'{away:.3f}':>10}   {whole:<5}{words}"
+    )
+    return reaction, line
+
+
+class Watch:
+    """Where the carriages really are, as often as they can be asked; a context manager."""
+
+    def __init__(self, drives: SimulatedDrives) -> None:
+        self._drives, self._over = drives, threading.Event()
+        self._places: list[list[float]] = []
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._watch)
+
+    def __enter__(self) -> list[list[float]]:
+        self._thread.start()
+        return self._places
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        while not self._over.is_set():
+            self._places.append([drive.position for drive in self._drives.snapshot()])
+
+
+def _reaction(rows: list[tuple[float, CycleRecord]]) -> str:
+    quick = any(QUICK_STOP in record.controlword for _, record in rows)
+    return QUICK if quick else STOPPED
+
+
+def _delay(log: Log, rows: list[tuple[float, CycleRecord]]) -> str:
+    """Cycles from the news to the first frame that differs."""
+    told = [t for t, record in log.records(Topic.EVENT) if getattr(record, "kind", "") in NEWS]
+    changed = [t for t, r in rows if r.phase is Phase.STOP or QUICK_STOP in r.controlword]
+    if not told or not changed:
+        return "-"
+    return str(max(0, round((changed[0] - told[0]) / MACHINE.drives.cycle)))
+
+
+def _deviation(trajectory: dg.Trajectory, carriages: np.ndarray) -> float:
+    """Worst distance of the platform from the path [mm]; infinite where links are apart."""
+    path = trajectory.position_at(np.linspace(0.0, trajectory.duration, 20_000))
+    try:
+        places = dg.forward(MACHINE.geometry, carriages)
+    except dg.UnreachableError:
+        return float("inf")
+    return float(max(np.linalg.norm(path - place, axis=1).min() for place in places))
+
+
+def main() -> int:
+    """Print the matrix."""
+    wanted = sys.argv[1:]
+    print(f"  {'fault':<36}{'reaction':<18}{'cycles':>6}{'off path':>10}   log  what is reported")
+    wrong = 0
+    for fault in FAULTS:
+        if wanted and not any(word in fault.name for word in wanted):
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            reaction, line = measure(fault, Path(folder))
+        print(line, flush=True)
+        wrong += reaction not in fault.expected
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
