@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.constants import Constants, Plane
+from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.modes import AssemblyMode, WorkingMode
 from duoglide.machine import Geometry
 
@@ -57,31 +57,54 @@ class Tip(NamedTuple):
     end: float
 
 
+class RegionConstants(NamedTuple):
+    """What ``depth_pose`` needs, all floats: numba wants one type.
+
+    Attributes:
+        l2: Leg length [mm].
+        l6: Arm length [mm].
+        l9: Strut length [mm].
+        F1: As in ``Plane`` [mm].
+        lift: The same.
+        m: Sign of the rise of the legs.
+        n: Side of case 2.
+        v: Sign of sin(beta).
+    """
+
+    l2: float
+    l6: float
+    l9: float
+    F1: float
+    lift: float
+    m: float
+    n: float
+    v: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class JointRegion:
     """The region of one geometry, one assembly mode and one sign of sin(beta).
 
     Attributes:
-        constants: What ``depth_pose`` needs, in its order.
+        constants: Its geometry and its modes in numbers.
         tips: The tips of all obstacles.
     """
 
-    constants: Constants
+    constants: RegionConstants
     tips: tuple[Tip, ...]
 
 
-def depth_pose(b: float, g: float, k: Constants) -> float:
+def depth_pose(b: float, g: float, k: RegionConstants) -> float:
     """Return a length that is positive just where (b, g) is in the region [mm]."""
-    l2, l6, l9, F1, lift, m, n, v = k
-    half = 0.5 * b
-    F3 = lift + m * sqrt(max((l2 - half) * (l2 + half), 0.0))
-    F = sqrt(F1 * F1 + F3 * F3)
-    rho = sqrt(max((l9 - g) * (l9 + g), 0.0))
+    l6, half = k.l6, 0.5 * b
+    F3 = k.lift + k.m * sqrt(max((k.l2 - half) * (k.l2 + half), 0.0))
+    F = sqrt(k.F1 * k.F1 + F3 * F3)
+    rho = sqrt(max((k.l9 - g) * (k.l9 + g), 0.0))
     up = 2.0 * (F3 >= 0.0) - 1.0
-    side = F1 - up * n * l6
-    legs, strut = min(b, 2.0 * l2 - b), min(g, l9 - g)
+    side = k.F1 - up * k.n * l6
+    legs, strut = min(b, 2.0 * k.l2 - b), min(g, k.l9 - g)
     flat, in_line = (
-        v * up * (rho - sqrt(side * side + F3 * F3)),
+        k.v * up * (rho - sqrt(side * side + F3 * F3)),
         min(F + l6 - rho, rho - abs(F - l6)),
     )
     edges, surfaces = min(legs, strut), min(flat, in_line)
@@ -94,7 +117,8 @@ def joint_region(g: Geometry, assembly: AssemblyMode, v: int) -> JointRegion:
     plane = Plane.of(g)
     l2, lift, m = g.leg_length, plane.lift, assembly.m
     signs = 1.0 * m, 1.0 * assembly.n, 1.0 * v
-    constants = (l2, g.arm_length, g.strut_length, plane.F1, lift, *signs)
+    lengths = l2, g.arm_length, g.strut_length
+    constants = RegionConstants(*lengths, plane.F1, lift, *signs)
     fold = 2.0 * sqrt((l2 - lift) * (l2 + lift)) if 0.0 < -m * lift < l2 else inf
     if fold < inf:
         halves = ((0.0, fold, m), (fold, 2.0 * l2, -m))
@@ -104,20 +128,20 @@ def joint_region(g: Geometry, assembly: AssemblyMode, v: int) -> JointRegion:
     return JointRegion(constants=constants, tips=tuple(tips))
 
 
-def _tips_of_half(k: Constants, start: float, end: float, up: int) -> list[Tip]:
+def _tips_of_half(k: RegionConstants, start: float, end: float, up: int) -> list[Tip]:
     """Find the tips of the four curves where F3 has the sign ``up``, b from ``start`` to ``end``.
 
     Each curve is R = grow |F'| + add with F' = (across, F3); it bounds rho from above or below.
     """
-    l2, l6, _l9, F1, _lift, m, n, v = k
-    falls = up * m  # +1 where |F3| falls as b grows
-    flat_above = -v * up  # +1 where arm flat bounds rho from above
+    l2, l6, F1 = k.l2, k.l6, k.F1
+    falls = up * k.m  # +1 where |F3| falls as b grows
+    flat_above = -k.v * up  # +1 where arm flat bounds rho from above
     tips = []
     for across, grow, add, above in (
         (F1, 1.0, l6, 1.0),
         (F1, 1.0, -l6, -1.0),
         (F1, -1.0, l6, -1.0),
-        (F1 - up * n * l6, 1.0, 0.0, flat_above),
+        (F1 - up * k.n * l6, 1.0, 0.0, flat_above),
     ):
         to_b, to_g = falls * grow * above, -above
         low, high = sorted((start * to_b, end * to_b))
@@ -133,20 +157,20 @@ def _angle(b: float, l2: float) -> float:
 
 
 def _touching(
-    k: Constants, curve: tuple[float, float, float], sign: float, theta: FloatArray
+    k: RegionConstants, curve: tuple[float, float, float], sign: float, theta: FloatArray
 ) -> list[tuple[float, float]]:
     """Find where a curve runs along the sides dg = -sign db / 2 of hexagons."""
-    l2, _l6, l9, _F1, lift, m, _n, _v = k
+    l2, l9 = k.l2, k.l9
     across, grow, add = curve
 
     def along(theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """R, g, and what is 0 where the curve has the slope of the side: R R' - sign g b' / 2."""
         rise = l2 * np.cos(theta)
-        F3 = lift + m * rise
+        F3 = k.lift + k.m * rise
         F = np.maximum(np.hypot(across, F3), NOTHING * l2)
         R = grow * F + add
         g = np.sqrt(np.maximum((l9 - R) * (l9 + R), 0.0))
-        slope = -R * grow * F3 / F * m * l2 * np.sin(theta)
+        slope = -R * grow * F3 / F * k.m * l2 * np.sin(theta)
         return R, g, slope - sign * g * rise
 
     values = along(theta)[2]
