@@ -32,8 +32,9 @@ from duoglide.kinematics.reach import Reach, reach_of, require_reach
 from duoglide.machine import Geometry
 
 RESERVE = 1e-7  # [mm] by which the margin is below the exact one, for rounding
-BRACKET = 1e-10  # [mm], to which the first corner that leaves the region is found
+BRACKET = 2e-8  # [mm], to which the first corner that leaves the region is found
 STEPS = 60
+TINY = 1e-300
 MANY = 64  # poses, from which compiled code answers, though loading it takes half a second
 
 SAME = 1e-6  # [mm], within which two margins are one
@@ -218,11 +219,13 @@ def corners_depth(b: float, g: float, e: float, k: RegionConstants) -> float:
 def largest_error(b: float, g: float, high: float, k: RegionConstants) -> float:
     """Return the largest e up to ``high`` whose hexagon has its corners in the region [mm].
 
-    False position with Illinois' rule; every fourth step halves. The lower end is certain.
+    False position with Illinois' rule, at least half a bracket from either end, so that a good
+    guess closes it; now and then a step halves. The lower end is certain.
     """
     low, inside = 0.0, depth_pose(b, g, k)
     if not inside > 0.0:
         return 0.0
+    high = max(high - BRACKET, 0.0)  # a corner is on the edge itself otherwise
     outside = corners_depth(b, g, high, k)
     if outside > 0.0:
         return high
@@ -230,8 +233,9 @@ def largest_error(b: float, g: float, high: float, k: RegionConstants) -> float:
     for step in range(STEPS):
         if high - low <= BRACKET:
             break
-        e = (low * outside - high * inside) / (outside - inside)
-        if step % 4 == 3 or not low < e < high:
+        e = (low * outside - high * inside) / min(outside - inside, -TINY)
+        e = min(max(e, low + 0.5 * BRACKET), high - 0.5 * BRACKET)
+        if step % 6 == 5:
             e = 0.5 * (low + high)
         depth = corners_depth(b, g, e, k)
         if depth > 0.0:
