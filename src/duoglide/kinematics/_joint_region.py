@@ -120,10 +120,9 @@ def joint_region(g: Geometry, assembly: AssemblyMode, v: int) -> JointRegion:
     lengths = l2, g.arm_length, g.strut_length
     constants = RegionConstants(*lengths, plane.F1, lift, *signs)
     fold = 2.0 * sqrt((l2 - lift) * (l2 + lift)) if 0.0 < -m * lift < l2 else inf
+    halves = [(0.0, 2.0 * l2, m if m * lift >= 0.0 else -m)]
     if fold < inf:
-        halves = ((0.0, fold, m), (fold, 2.0 * l2, -m))
-    else:
-        halves = ((0.0, 2.0 * l2, m if m * lift >= 0.0 else -m),)
+        halves = [(0.0, fold, m), (fold, 2.0 * l2, -m)]
     tips = [tip for half in halves for tip in _tips_of_half(constants, *half)]
     return JointRegion(constants=constants, tips=tuple(tips))
 

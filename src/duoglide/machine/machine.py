@@ -59,6 +59,12 @@ class Machine:
     clearance: float = setting(
         2.0, "distance to keep from every singular surface and edge of reach", "mm"
     )
+    carriage_margin: float = setting(
+        1.0,
+        "how far every carriage may be off at once with the links still closed, on the same side "
+        "of every singular surface",
+        "mm",
+    )
     carriage_width: float = setting(
         60.0, "distance that carriages 1 and 2 keep from each other", "mm"
     )
@@ -83,6 +89,7 @@ class Machine:
             if not isinstance(value, kind):
                 raise ConfigError(f"{key} = {value!r:.80}: must be a {kind.__name__}")
         store(self, "clearance", rules.not_negative("clearance", self.clearance))
+        store(self, "carriage_margin", rules.not_negative("carriage_margin", self.carriage_margin))
         store(self, "carriage_width", rules.not_negative("carriage_width", self.carriage_width))
         for key in ("tool_offset", "work_frame"):
             store(self, key, rules.triple(key, getattr(self, key)))
