@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from duoglide.errors import PathError as PathError
     from duoglide.errors import SingularityError as SingularityError
     from duoglide.errors import UnreachableError as UnreachableError
+    from duoglide.kinematics.carriage_margin import carriage_margin as carriage_margin
     from duoglide.kinematics.export import to_mjcf as to_mjcf
     from duoglide.kinematics.model import forward as forward
     from duoglide.kinematics.model import inverse as inverse
@@ -91,6 +92,7 @@ _HOMES = {
         "SingularityError",
         "UnreachableError",
     ),
+    "kinematics.carriage_margin": ("carriage_margin",),
     "kinematics.export": ("to_mjcf",),
     "kinematics.model": ("forward", "inverse", "jacobian", "reachable"),
     "kinematics.modes": ("AssemblyMode", "WorkingMode"),

@@ -39,8 +39,8 @@ def home_position(machine: Machine) -> FloatArray:
         if not _depth(machine, own) > 0.0:
             raise ConfigError(
                 f"home_position = {list(machine.home_position)}: must be within reach, travel and"
-                f" carriage order, out of keep_out, and {machine.clearance:g} mm clear of every"
-                " singularity"
+                f" carriage order, out of keep_out, {machine.clearance:g} mm clear of every"
+                f" singularity, and with a carriage margin of {machine.carriage_margin:g} mm"
             )
         return own
     usual = np.array(DEEPEST)
@@ -59,7 +59,8 @@ def home_carriages(machine: Machine) -> FloatArray:
 def _depth(machine: Machine, position: FloatArray) -> FloatArray:
     """Measure the least of what is left of clearance, travel and carriage order.
 
-    Keep-out boxes say no more than yes or no, so that one far away does not move the home.
+    Keep-out boxes and the carriage margin say no more than yes or no, so that neither moves the
+    home while there is enough.
 
     Args:
         machine: The machine.
@@ -70,7 +71,8 @@ def _depth(machine: Machine, position: FloatArray) -> FloatArray:
     """
     found = room_at(machine, position)
     least = np.minimum(np.minimum(found.clearance, found.travel), found.order)
-    return np.where(found.keep_out > 0.0, least, -np.inf)
+    allowed = np.minimum(found.keep_out, found.carriage_margin) > 0.0
+    return np.where(allowed, least, -np.inf)
 
 
 def _deepest(machine: Machine) -> FloatArray:
@@ -93,7 +95,8 @@ def _deepest(machine: Machine) -> FloatArray:
     if most <= 0.0:
         raise ConfigError(
             "no pose is within reach, travel and carriage order with"
-            f" {machine.clearance:g} mm clearance; lower clearance or carriage_width"
+            f" {machine.clearance:g} mm clearance and a carriage margin of"
+            f" {machine.carriage_margin:g} mm; lower clearance, carriage_margin or carriage_width"
         )
     return best
 

@@ -34,6 +34,9 @@ class Reach:
     q: FloatArray
     lacking: FloatArray
 
+    def __getitem__(self, rows: BoolArray) -> Reach:
+        return Reach(self.A[rows], self.h[rows], self.p[rows], self.q[rows], self.lacking[rows])
+
     @property
     def within(self) -> BoolArray:
         """Where every link suffices, up to rounding."""

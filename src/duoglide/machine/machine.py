@@ -66,6 +66,12 @@ class Machine:
         "controlword, and that acts at the one after",
         "cycles",
     )
+    carriage_margin: float = setting(
+        1.0,
+        "how far every carriage may be off at once with the links still closed, on the same side "
+        "of every singular surface",
+        "mm",
+    )
     carriage_width: float = setting(
         60.0, "distance that carriages 1 and 2 keep from each other", "mm"
     )
@@ -92,6 +98,7 @@ class Machine:
         store(self, "clearance", rules.not_negative("clearance", self.clearance))
         cycles = rules.whole("reaction_cycles", self.reaction_cycles, 0, 100)
         store(self, "reaction_cycles", cycles)
+        store(self, "carriage_margin", rules.not_negative("carriage_margin", self.carriage_margin))
         store(self, "carriage_width", rules.not_negative("carriage_width", self.carriage_width))
         for key in ("tool_offset", "work_frame"):
             store(self, key, rules.triple(key, getattr(self, key)))

@@ -26,7 +26,14 @@ from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.constants import carriage_constants
 from duoglide.kinematics.headroom.anchors import bound_from_anchors
 from duoglide.kinematics.headroom.nearby_kernel import swing
-from duoglide.kinematics.headroom.room import Room, box_distance, locate, outside
+from duoglide.kinematics.headroom.room import (
+    PLENTY,
+    Room,
+    box_distance,
+    carriage_room,
+    locate,
+    outside,
+)
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
 from duoglide.kinematics.singularity.nearest import nearest_surface
 from duoglide.machine import Machine
@@ -82,9 +89,10 @@ def room_on(machine: Machine, patch: Patch, enough: float) -> tuple[Room, Room]:
     with np.errstate(invalid="ignore"):  # inf - inf, where nothing is known
         clear = _clearance(machine, (position, closed), ways, enough)
     boxes = _keep_out(machine, position, _around(patch, ways))
+    free = _carriage_margin(machine, patch, (position, closed))
     return (
-        Room(clear[0] - machine.clearance, *here, boxes[0]),
-        Room(clear[1] - machine.clearance, *lowest, boxes[1]),
+        Room(clear[0] - machine.clearance, *here, boxes[0], free[0]),
+        Room(clear[1] - machine.clearance, *lowest, boxes[1], free[1]),
     )
 
 
@@ -116,6 +124,19 @@ def _rails(machine: Machine, patch: Patch) -> tuple[Pair, Pair]:
     order = carriages[:, 1] - carriages[:, 0] - machine.carriage_width
     lowest = (left - reach[:, :3]).min(axis=-1), order - reach[:, 3]
     return (left.min(axis=-1), order), lowest
+
+
+def _carriage_margin(machine: Machine, patch: Patch, pose: tuple[FloatArray, BoolArray]) -> Pair:
+    """Return what is left of the carriage margin in the middle, and at the least.
+
+    It changes by at most half of what the distance of any two carriages does: of 1 and 2 by that
+    of B, of either of them and 3 by that of D and half of B.
+    """
+    reach = patch.reach()
+    loss = 0.5 * np.maximum(reach[:, 3], reach[:, 4] + 0.5 * reach[:, 3])
+    bounded = loss < PLENTY
+    here = carriage_room(machine, *pose, np.where(bounded, loss, 0.0))
+    return here, np.where(bounded, here - loss, -np.inf)
 
 
 def _clearance(

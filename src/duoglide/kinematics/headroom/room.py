@@ -13,13 +13,16 @@ import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics import kernels
-from duoglide.kinematics.constants import carriage_constants
+from duoglide.kinematics.carriage_margin import margin_up_to
+from duoglide.kinematics.constants import carriage_constants, pose_constants
 from duoglide.kinematics.model import inverse, reachable
 from duoglide.kinematics.modes import ASSEMBLY, WORKING
+from duoglide.kinematics.reach import reach_of
 from duoglide.kinematics.singularity.margins import clearance, margins
 from duoglide.machine import Box, Machine
 
 TOUCHING = 1e-7  # [mm]; a margin this near to what is required counts as touching, and is refused
+PLENTY = 5.0  # [mm]; more than this beyond what is asked for is not told of a carriage margin
 SURE = 0.9 * TOUCHING  # [mm]; a bound this far above what is required certifies what lies between
 
 
@@ -33,15 +36,18 @@ class Room:
         travel: Least distance of a carriage to the end of its rail.
         order: Distance of carriages 1 and 2, less ``machine.carriage_width``.
         keep_out: Distance to the nearest keep-out box; negative inside, +inf without boxes.
+        carriage_margin: Carriage margin, less ``machine.carriage_margin``, at most ``PLENTY``; -inf
+            where the links do not close, +inf where the machine asks for none.
     """
 
     clearance: FloatArray
     travel: FloatArray
     order: FloatArray
     keep_out: FloatArray
+    carriage_margin: FloatArray
 
     def least(self) -> FloatArray:
-        """Return the least of the four [mm], shape (...)."""
+        """Return the least of the five [mm], shape (...)."""
         least: FloatArray = np.min([getattr(self, f.name) for f in fields(self)], axis=0)
         return least
 
@@ -51,6 +57,28 @@ class Room:
         values = {f.name: float(getattr(self, f.name)[index]) for f in fields(self)}
         name = min(values, key=lambda key: values[key])
         return index, name, values[name]
+
+
+def carriage_room(
+    machine: Machine, position: FloatArray, closed: BoolArray, loss: float | FloatArray = 0.0
+) -> FloatArray:
+    """Measure what is left of the carriage margin at positions (n, 3), as in ``Room``.
+
+    Args:
+        machine: The machine.
+        position: Of the platform [mm].
+        closed: Where the links close, shape (n,).
+        loss: What is taken off again, so that so much more is worth knowing [mm], as ``closed``.
+    """
+    if machine.carriage_margin == 0.0:
+        return np.where(closed, np.inf, -np.inf)
+    left = np.full(closed.shape, -np.inf)
+    here = position[closed]
+    reach = reach_of(here, pose_constants(machine.geometry, WORKING))
+    enough = np.broadcast_to(machine.carriage_margin + PLENTY + loss, closed.shape)[closed]
+    found = margin_up_to(machine.geometry, here, reach, enough=enough)
+    left[closed] = found - machine.carriage_margin
+    return left
 
 
 def locate(machine: Machine, carriages: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -96,6 +124,7 @@ def _measure(
     clear = np.full(closed.shape, -np.inf)
     if closed.any():
         clear[closed] = clearance(machine.geometry, position[closed]) - machine.clearance
+    free = carriage_room(machine, position.reshape(-1, 3), closed.ravel()).reshape(closed.shape)
     keep_out = np.full(closed.shape, np.inf)
     for box in machine.keep_out:
         distance = box_distance(outside(box, position))
@@ -105,6 +134,7 @@ def _measure(
         travel=machine.geometry.rail_half_length - np.abs(carriages).max(axis=-1, initial=0.0),
         order=carriages[..., 1] - carriages[..., 0] - machine.carriage_width,
         keep_out=keep_out,
+        carriage_margin=free,
     )
 
 

@@ -23,9 +23,10 @@ ROUNDING = 1e-11  # [mm], and what it may leave where pieces are very short
 def check_path(machine: Machine, path: Path) -> CheckedPath:
     """Certify that a machine can follow a path, at every point of its rounded curve.
 
-    Reach, the clearance from singular surfaces, the travel of the carriages, the distance between
-    carriages 1 and 2, and the keep-out boxes are checked between samples too. A margin within 1e-7
-    mm of what is required counts as touching, and is refused; one that is 1e-6 mm better passes.
+    Reach, the clearance from singular surfaces, the carriage margin, the travel of the carriages,
+    the distance between carriages 1 and 2, and the keep-out boxes are checked between samples too.
+    A margin within 1e-7 mm of what is required counts as touching, and is refused; one that is 1e-6
+    mm better passes.
 
     Args:
         machine: The machine.

@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.headroom.room import box_distance, outside
+from duoglide.kinematics.carriage_margin import margin_up_to
+from duoglide.kinematics.headroom.room import PLENTY, box_distance, outside
 from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.reach import reach_of
 from duoglide.kinematics.singularity.nearest import nearest_surface
-from duoglide.planning.check.margins import boxes, clearance, room_to_travel, travel
-from duoglide.planning.check.rules import Intervals, Parts, Rules, Verdict
+from duoglide.planning.check.margins import (
+    boxes,
+    carriage_margin,
+    clearance,
+    room_to_travel,
+    stroke_bends,
+    travel,
+)
+from duoglide.planning.check.rules import (
+    CARRIAGE_MARGIN,
+    CLEARANCE,
+    Intervals,
+    Parts,
+    Rules,
+    Verdict,
+)
 
 
 def judge(rules: Rules, intervals: Intervals) -> Verdict:
@@ -23,26 +40,32 @@ def judge(rules: Rules, intervals: Intervals) -> Verdict:
     return judge_parts(rules, Parts(states, intervals.half, first, second))
 
 
-def judge_points(rules: Rules, positions: FloatArray, cleared: bool = True) -> FloatArray:
+def judge_points(rules: Rules, positions: FloatArray, without: Collection[int] = ()) -> FloatArray:
     """Evaluate every rule at single positions of the platform's centre.
 
     Args:
         rules: The rules.
         positions: Shape (n, 3) [mm].
-        cleared: Whether the clearance is asked for; else it is infinite.
+        without: ``CLEARANCE`` or ``CARRIAGE_MARGIN`` where they are not asked for: infinite then.
 
     Returns:
-        Margins less what is required [mm], shape (n, families); minus infinity out of reach.
+        Margins less what is required [mm], shape (n, families); minus infinity out of reach. Of the
+        carriage margin, no more than ``PLENTY``.
     """
     reach = reach_of(positions, rules.constants)
     inside = reach.lacking.max(axis=1) < 0.0
-    clear = np.full(len(positions), np.inf)
-    if cleared:
-        near = nearest_surface(rules.machine.geometry, WORKING.v, positions[inside])
+    machine = rules.machine
+    clear, free = np.full((2, len(positions)), np.inf)
+    if CLEARANCE not in without:
+        near = nearest_surface(machine.geometry, WORKING.v, positions[inside])
         clear[inside] = near.distance
-    out = [box_distance(outside(box, positions)) for box in rules.machine.keep_out]
+    if CARRIAGE_MARGIN not in without and machine.carriage_margin > 0.0:
+        enough = machine.carriage_margin + PLENTY
+        found = positions[inside], reach[inside]
+        free[inside] = margin_up_to(machine.geometry, *found, enough=enough)
+    out = [box_distance(outside(box, positions)) for box in machine.keep_out]
     travels = room_to_travel(rules, positions[:, 1], reach)
-    margins = np.column_stack([clear, travels, *out]) - rules.required
+    margins = np.column_stack([clear, free, travels, *out]) - rules.required
     margins[~inside] = -np.inf
     return margins
 
@@ -52,8 +75,11 @@ def judge_parts(rules: Rules, parts: Parts) -> Verdict:
     reach = reach_of(parts.states[:, 0], rules.constants)
     inside = reach.lacking.max(axis=1) < 0.0
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        carriages = travel(rules, parts, reach)
-    columns = clearance(rules, parts, inside), carriages, boxes(rules.machine, parts)
+        strokes = stroke_bends(parts, reach, rules.constants)
+        carriages = travel(rules, parts, reach, strokes)
+        free = carriage_margin(rules, parts, reach, strokes)
+    clear = clearance(rules, parts, inside)
+    columns = clear, free, carriages, boxes(rules.machine, parts)
     margins = np.concatenate([values for values, _ in columns], axis=1) - rules.required
     lowest = np.concatenate([bound for _, bound in columns], axis=1) - rules.required
     margins[~inside], lowest[~inside] = -np.inf, -np.inf

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
+from duoglide.kinematics.carriage_margin import carriage_margin, least_margin
 from duoglide.kinematics.singularity.margins import FAMILIES, margins
 from duoglide.motion.path.checked import CheckReport, LeastMargin
 from duoglide.planning.check.judge import judge_points
-from duoglide.planning.check.rules import CLEARANCE, IndexArray, Intervals, Rules
+from duoglide.planning.check.rules import CARRIAGE_MARGIN, CLEARANCE, IndexArray, Intervals, Rules
 from duoglide.planning.check.search import first_intervals
 from duoglide.planning.tolerances import PICOMETRE
 
@@ -35,6 +36,8 @@ def least_margins(rules: Rules) -> CheckReport:
         found = _look_closer(rules, intervals[chosen[deeper]], deeper, there)
         better = found[0] < least[deeper]
         least[deeper[better]], where[deeper[better]] = found[0][better], found[1][better]
+    nearest = _least_carriage_margin(rules, first_intervals(rules))
+    least[CARRIAGE_MARGIN], where[CARRIAGE_MARGIN] = nearest
     required = np.concatenate([rules.required, np.zeros(len(FAMILIES))])
     lengths, points = rules.curve.arc_length(where), rules.curve.position(where)
     columns = (column.tolist() for column in (least, required, where, lengths, points))
@@ -56,15 +59,40 @@ def _look_closer(
     """
     rows = np.arange(family.size)
     close = (vertex + _CLOSER[:, None]).clip(-1.0, 1.0)
-    cleared = bool((family == CLEARANCE).any())
-    near = _measure(rules, (intervals.middle + intervals.half * close).ravel(), cleared)
+    without = () if (family == CLEARANCE).any() else (CLEARANCE,)
+    near = _measure(rules, (intervals.middle + intervals.half * close).ravel(), without)
     near = near.reshape(*close.shape, -1)[:, rows, family]
     again = _vertices(near[None])[1] * _CLOSER[-1] + close[_CLOSER.size // 2]
     looks = np.vstack([close, again.clip(-1.0, 1.0)])
-    last = _measure(rules, intervals.middle + intervals.half * looks[-1], cleared)[rows, family]
+    last = _measure(rules, intervals.middle + intervals.half * looks[-1], without)[rows, family]
     table = np.vstack([near, last])
     best = table.argmin(axis=0)
     return table[best, rows], intervals.middle + intervals.half * looks[best, rows]
+
+
+def _least_carriage_margin(rules: Rules, intervals: Intervals) -> tuple[float, float]:
+    """Find the least carriage margin, and its sigma: it is asked for at few places."""
+    g = rules.machine.geometry
+
+    def least_at(sigma: FloatArray) -> tuple[float, int]:
+        return least_margin(g, rules.curve.position(sigma))
+
+    if intervals.middle.size > _MANY:
+        _, at = least_at(intervals.middle)
+        intervals = intervals[slice(max(at - 1, 0), at + 2)]
+    looks = np.unique(intervals.middle[:, None] + intervals.half[:, None] * _LOOKS)
+    found, at = least_at(looks)
+    about = looks[max(at - 1, 0) : at + 2]
+    if about.size < 3:
+        return found, float(looks[at])
+    values = carriage_margin(g, rules.curve.position(about))
+    bend = np.polyfit(about - about[1], values, 2)
+    if bend[0] > 0.0:
+        vertex = np.clip(about[1] - 0.5 * bend[1] / bend[0], about[0], about[2])
+        lower = float(carriage_margin(g, rules.curve.position(vertex)))
+        if lower < found:
+            return lower, float(vertex)
+    return found, float(looks[at])
 
 
 def _select_promising(rules: Rules, intervals: Intervals) -> Intervals:
@@ -77,12 +105,17 @@ def _select_promising(rules: Rules, intervals: Intervals) -> Intervals:
     return intervals[np.unique(np.concatenate([least.ravel(), ends.ravel()]))]
 
 
-def _measure(rules: Rules, sigma: FloatArray, cleared: bool = True) -> FloatArray:
-    """Margins of every family, not less what is required, shape (n, families)."""
+def _measure(rules: Rules, sigma: FloatArray, without: tuple[int, ...] = ()) -> FloatArray:
+    """Margins of every family, not less what is required, shape (n, families).
+
+    That of the carriages is 0: see ``_least_carriage_margin``.
+    """
     points = rules.curve.position(sigma)
     found = margins(rules.machine.geometry, points).by_family()
     surfaces = np.stack([np.abs(found[name]) for name in FAMILIES], axis=-1)
-    return np.concatenate([judge_points(rules, points, cleared) + rules.required, surfaces], axis=1)
+    ruled = judge_points(rules, points, (CARRIAGE_MARGIN, *without)) + rules.required
+    ruled[:, CARRIAGE_MARGIN] = 0.0
+    return np.concatenate([ruled, surfaces], axis=1)
 
 
 def _vertices(values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""Margins of travel, order, clearance and boxes, and bounds of them between samples.
+"""Margins of travel, order, clearance, carriages and boxes, and bounds of them between samples.
 
 On a part of a curve a margin is bounded from below by Taylor's theorem: value, slope and a bound on
 the second derivative that holds on the whole part. The clearance is a distance to a set, which
@@ -15,9 +15,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
+from duoglide.kinematics.carriage_margin import margin_up_to
 from duoglide.kinematics.constants import PoseConstants
 from duoglide.kinematics.headroom.anchors import bound_from_anchors
-from duoglide.kinematics.headroom.room import SURE, box_distance, outside
+from duoglide.kinematics.headroom.room import PLENTY, SURE, TOUCHING, box_distance, outside
 from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.reach import Reach
 from duoglide.kinematics.singularity.nearest import nearest_surface
@@ -43,11 +44,11 @@ def room_to_travel(rules: Rules, y: FloatArray, reach: Reach) -> FloatArray:
     return np.stack([*left, 2.0 * half + (w2 - w1) * reach.p], axis=1)
 
 
-def travel(rules: Rules, parts: Parts, reach: Reach) -> Bounded:
+def travel(rules: Rules, parts: Parts, reach: Reach, strokes: tuple[Bend, Bend]) -> Bounded:
     """Margins of travel and order, and their lower bounds."""
     margins = room_to_travel(rules, parts.states[:, 0, 1], reach)
-    *_, w1, w2, w3 = rules.constants
-    p, q = _strokes(parts, reach, rules.constants)
+    w1, w2, w3 = rules.constants.w1, rules.constants.w2, rules.constants.w3
+    p, q = strokes
     speed, bend = parts.states[:, 1, 1], parts.second[:, 1]
     half, square = parts.half, 0.5 * parts.half * parts.half
     less = (
@@ -59,7 +60,7 @@ def travel(rules: Rules, parts: Parts, reach: Reach) -> Bounded:
     return margins, margins - np.stack(less, axis=1)
 
 
-def _strokes(parts: Parts, reach: Reach, k: PoseConstants) -> tuple[Bend, Bend]:
+def stroke_bends(parts: Parts, reach: Reach, k: PoseConstants) -> tuple[Bend, Bend]:
     """Differentiate the strokes p and q by sigma; NaN where one of them may vanish."""
     (x, _, z), (dx, _, dz) = parts.states[:, 0].T, parts.states[:, 1].T
     (vx, _, vz), (ax, _, az), half = parts.first.T, parts.second.T, parts.half
@@ -89,6 +90,30 @@ def _root(length: float, root: FloatArray, square: FloatArray, w: Bend, half: Fl
     low = np.sqrt(length * length - (square + 2.0 * rate * half + w.bound * half * half))
     steep = (rate + w.bound * half) / low
     return Bend(-w.slope / root, w.bound / low + steep * steep / low)
+
+
+def carriage_margin(
+    rules: Rules, parts: Parts, reach: Reach, strokes: tuple[Bend, Bend]
+) -> Bounded:
+    """Carriage margins at the samples, as far as they count here, and their lower bounds.
+
+    The margin changes by at most half of what the distance of any two carriages does.
+    """
+    needed, k, (p, q) = rules.machine.carriage_margin, rules.constants, strokes
+    values = np.full(parts.half.size, np.inf)
+    if needed == 0.0:
+        return values[:, None], values[:, None]
+    half, square = parts.half, 0.5 * parts.half * parts.half
+    legs = np.abs((k.w2 - k.w1) * p.slope) * half + abs(k.w2 - k.w1) * p.bound * square
+    sides = [np.abs(k.w3 * q.slope - w * p.slope) * half for w in (k.w1, k.w2)]
+    loss = 0.5 * np.maximum(legs, np.maximum(*sides) + (p.bound + q.bound) * square)
+    bounded = loss < PLENTY
+    enough = needed + 2.0 * TOUCHING + np.where(bounded, loss, 0.0)
+    inside = reach.lacking.max(axis=1) < 0.0
+    values[inside] = margin_up_to(
+        rules.machine.geometry, parts.states[inside, 0], reach[inside], enough=enough[inside]
+    )
+    return values[:, None], np.where(bounded, values - loss, -np.inf)[:, None]
 
 
 def clearance(rules: Rules, parts: Parts, inside: BoolArray) -> Bounded:

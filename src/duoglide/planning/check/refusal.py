@@ -141,6 +141,13 @@ def _put_in_words(rules: Rules, family: int, worst: float, position: FloatArray)
             f" {short:.3g} mm below the clearance of {machine.clearance:g} mm"
         )
         return Breach(surface, text, short)
+    if name == "carriage_margin":
+        needed = machine.carriage_margin
+        text = (
+            f"the carriage margin falls to {needed + worst:.3g} mm, {short:.3g} mm below the"
+            f" carriage_margin of {needed:g} mm: with the carriages off by that, links may part"
+        )
+        return Breach(name, text, short)
     carriages = inverse(machine.geometry, position)
     if name == "order":
         text = (

@@ -16,8 +16,8 @@ from duoglide.machine import Machine
 from duoglide.motion.curve.bounds import CurveBounds, curve_bounds
 from duoglide.motion.curve.curve import Curve
 
-CLEARANCE = 0  # place of it among the families
-BASE_FAMILIES = ("clearance", "travel_1", "travel_2", "travel_3", "order")
+CLEARANCE, CARRIAGE_MARGIN = 0, 1  # places of them among the families
+BASE_FAMILIES = ("clearance", "carriage_margin", "travel_1", "travel_2", "travel_3", "order")
 
 IndexArray: TypeAlias = NDArray[np.intp]
 
@@ -44,7 +44,8 @@ class Rules:
     def of(cls, machine: Machine, curve: Curve) -> Rules:
         """Collect what the rules need."""
         boxes = [0.0] * len(machine.keep_out)
-        required = [machine.clearance, 0.0, 0.0, 0.0, machine.carriage_width, *boxes]
+        margins = machine.clearance, machine.carriage_margin
+        required = [*margins, 0.0, 0.0, 0.0, machine.carriage_width, *boxes]
         constants = pose_constants(machine.geometry, WORKING)
         return cls(machine, curve, curve_bounds(curve), constants, np.array(required))
 

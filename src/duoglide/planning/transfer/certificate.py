@@ -17,11 +17,12 @@ _FINEST = 2.0**-40  # No cell is shorter than this share of the duration.
 
 
 def certify(machine: Machine, path: TransferPath) -> float:
-    """Require reach, clearance, travel, carriage order and keep-out along the whole of ``path``.
+    """Require reach, clearances, travel, carriage order and keep-out along the whole of ``path``.
 
-    Travel and order are extremes of cubic polynomials: exact. Clearance and the distance to
-    keep-out boxes are bounded in cells of time from the carriages' velocity in the middle and their
-    largest acceleration (``headroom.nearby``); a cell that is not certain to have enough is halved.
+    Travel and order are extremes of cubic polynomials: exact. Clearance, the carriage margin and
+    the distance to keep-out boxes are bounded in cells of time from the carriages' velocity in the
+    middle and their largest acceleration (``headroom.nearby``); a cell that is not certain to have
+    enough is halved.
     Nothing between two samples is left out.
 
     Returns:
@@ -41,10 +42,11 @@ def certify(machine: Machine, path: TransferPath) -> float:
         enough = max(seen - _SHARP, SURE) if seen < np.inf else -np.inf
         here, lowest = room_on(machine, _patch(path, middle, half), enough)
         seen = min(seen, float(here.clearance.min()))
-        left = np.minimum(here.clearance, here.keep_out)
+        left = np.minimum(np.minimum(here.clearance, here.keep_out), here.carriage_margin)
         if left.min() <= TOUCHING:
             raise _refusal(machine, path, float(middle[np.argmin(left)]))
         open_ = (lowest.clearance < max(seen - _SHARP, SURE)) | (lowest.keep_out < SURE)
+        open_ |= lowest.carriage_margin < SURE
         sure = min(sure, float(lowest.clearance[~open_].min(initial=np.inf)))
         low, high = (
             np.concatenate([low[open_], middle[open_]]),
@@ -55,15 +57,17 @@ def certify(machine: Machine, path: TransferPath) -> float:
     return sure + machine.clearance
 
 
-def keeps(machine: Machine, start: FloatArray, end: FloatArray, floor: tuple[float, float]) -> bool:
+def keeps(
+    machine: Machine, start: FloatArray, end: FloatArray, floor: tuple[float, float, float]
+) -> bool:
     """Tell whether a straight way of the carriages keeps some room for certain, at every point.
 
     Args:
         machine: The machine.
         start: Carriages at the beginning [mm], shape (3,).
         end: The same at the end.
-        floor: What is to be left of the clearance and of the distance to keep-out boxes, beyond
-            what the machine asks for [mm].
+        floor: What is to be left of the clearance, of the distance to keep-out boxes and of the
+            carriage margin, beyond what the machine asks for [mm].
     """
     low, high = np.zeros(1), np.ones(1)
     while low.size:
@@ -71,9 +75,13 @@ def keeps(machine: Machine, start: FloatArray, end: FloatArray, floor: tuple[flo
         ways = (half[:, None] * (end - start))[:, None]
         patch = Patch(start + middle[:, None] * (end - start), ways, np.zeros((low.size, 5)))
         here, lowest = room_on(machine, patch, floor[0])
-        if here.clearance.min() < floor[0] or here.keep_out.min() < floor[1]:
+        kept, sure = (
+            np.stack([r.clearance, r.keep_out, r.carriage_margin], axis=-1) >= floor
+            for r in (here, lowest)
+        )
+        if not kept.all():
             return False
-        open_ = (lowest.clearance < floor[0]) | (lowest.keep_out < floor[1])
+        open_ = ~sure.all(axis=-1)
         low, high = (
             np.concatenate([low[open_], middle[open_]]),
             np.concatenate([middle[open_], high[open_]]),

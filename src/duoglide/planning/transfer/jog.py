@@ -1,8 +1,8 @@
 """Jog: move by hand, cycle by cycle, with nothing sent that was not validated.
 
 Every setpoint comes with a way to stop behind it that has been looked at before: it keeps reach,
-clearance, travel, carriage order, keep-out boxes and the carriages' limits. A step that has no such
-way is not taken; the last one's is followed instead, until the wish changes.
+clearance, carriage margin, travel, carriage order, keep-out boxes and the carriages' limits. A step
+that has no such way is not taken; the last one's is followed instead, until the wish changes.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Jog:
         self._carriages = read_only(start)
         self._wish = np.zeros(3)
         self._blocked = ""
-        self._clear = self._free = _Ball(np.zeros(3), -1.0)
+        self._clear = self._free = self._loose = _Ball(np.zeros(3), -1.0)
         self._solver = ruckig.Ruckig(3)
         self._question = ruckig.InputParameter(3)
         self._question.control_interface = ruckig.ControlInterface.Velocity
@@ -205,18 +205,27 @@ class Jog:
         bend = _larger(2.0 * gap * gap * a.max(axis=-1))
         if not _keeps(apart - machine.carriage_width, apart[:, None], bend):
             return "order"
-        return self._in_the_way(states, places, gap)
+        spread = np.linalg.norm(a, axis=-1) + np.linalg.norm(states[:, 2], axis=-1)
+        return self._in_the_way(states, places, gap, spread)
 
-    def _in_the_way(self, states: FloatArray, carriages: FloatArray, gap: float) -> str:
-        """Say what is missing of clearance, which y does not change, or of distance to boxes."""
+    def _in_the_way(
+        self, states: FloatArray, carriages: FloatArray, gap: float, reach: FloatArray
+    ) -> str:
+        """Say what is missing of clearances, which y does not change, or of distance to boxes."""
         position, bend = states[:, 0], _bends(states, gap, self._limits.jerk)
         flat = position * np.array([1.0, 0.0, 1.0])
         reserve = _SLACK + float(bend.max())
-        if self._clear.holds(flat, reserve) and self._free.holds(position, reserve):
+        beside = carriages - position[:, 1:2]
+        swing = _larger(gap * gap * reach)
+        near = self._loose.holds(beside, _SLACK + float(swing.max()))
+        if near and self._clear.holds(flat, reserve) and self._free.holds(position, reserve):
             return ""
         here = room(self._machine, carriages)
         self._clear = _Ball(flat[0], float(here.clearance[0]))
         self._free = _Ball(position[0], float(here.keep_out[0]))
+        self._loose = _Ball(beside[0], float(here.carriage_margin[0]))
+        if not _keeps(here.carriage_margin, beside, swing):
+            return "carriage_margin"
         if not _keeps(here.clearance, flat, bend):
             return "clearance"
         return "" if _keeps(here.keep_out, position, bend) else "keep_out"

@@ -9,6 +9,7 @@ large enough stays so.
 
 from __future__ import annotations
 
+from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
@@ -137,7 +138,7 @@ def _good_part(machine: Machine, start: FloatArray, target: FloatArray) -> tuple
     shares = np.linspace(0.0, 1.0, _SAMPLES + 1)[:, None]
     places = start + shares * (target - start)
     here = room(machine, places)
-    margins = np.stack([here.clearance, here.travel, here.order, here.keep_out])
+    margins = np.stack([getattr(here, field.name) for field in fields(here)])
     kept = np.clip(margins, _APART, RESERVE)
     lost = np.maximum.accumulate(kept, axis=1) - kept > _LOSS
     bad = np.any(lost & ((kept < kept[:, :1]) | (margins <= _LOSS)), axis=0)
@@ -151,8 +152,11 @@ def _good_part(machine: Machine, start: FloatArray, target: FloatArray) -> tuple
 def _is_certain(machine: Machine, start: FloatArray, end: FloatArray) -> bool:
     """Whether nothing between the samples of a leg is worse than its start, or too small."""
     here = room(machine, start[None])
-    clear, free = (min(float(value[0]), 0.0) - _LOSS for value in (here.clearance, here.keep_out))
-    return keeps(machine, start, end, (clear, free))
+    clear, apart, free = (
+        min(float(value[0]), 0.0) - _LOSS
+        for value in (here.clearance, here.keep_out, here.carriage_margin)
+    )
+    return keeps(machine, start, end, (clear, apart, free))
 
 
 def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Trajectory:
