@@ -72,12 +72,12 @@ def test_a_home_keeps_wide_carriages_apart(machine: dg.Machine) -> None:
     wide = replace(machine, carriage_width=420.0)  # they stand 404 mm apart at the deepest point
     carriages = home_carriages(wide)
     assert carriages[1] - carriages[0] > 420.0
-    with pytest.raises(dg.ConfigError, match="lower clearance or carriage_width"):
+    with pytest.raises(dg.ConfigError, match="lower clearance, carriage_margin or carriage_width"):
         home_position(replace(machine, carriage_width=440.0))  # more than coupler and legs span
 
 
 def test_a_machine_without_room_says_so(machine: dg.Machine) -> None:
-    with pytest.raises(dg.ConfigError, match="lower clearance or carriage_width"):
+    with pytest.raises(dg.ConfigError, match="lower clearance, carriage_margin or carriage_width"):
         home_position(replace(machine, clearance=80.0))
 
 

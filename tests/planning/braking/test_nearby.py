@@ -33,7 +33,7 @@ def random_machine(rng: np.random.Generator) -> dg.Machine:
     scaled |= {name: rng.uniform(-10, 10) for name in ("riser_height", "arm_drop", "strut_drop")}
     same = bool(rng.integers(2))
     deceleration = (6e4,) * 3 if same else tuple(rng.uniform(2e4, 1.2e5, 3).tolist())
-    machine = dg.Machine(geometry=dg.Geometry(**scaled))
+    machine = dg.Machine(geometry=dg.Geometry(**scaled), carriage_margin=0.0)
     drives = replace(machine.drives, quick_stop_deceleration=deceleration)
     box = dg.Box(low=(-30, -30, 200), high=(-10, 10, 230))
     return replace(machine, drives=drives, keep_out=(box,) if rng.integers(2) else ())
@@ -100,12 +100,12 @@ def test_a_straight_way_of_the_carriages_keeps_what_dense_samples_show_and_no_mo
     found = room(machine, start + shares * (end - start))
     clear, free = float(found.clearance.min()), float(found.keep_out.min())
     if clear == -np.inf:
-        assert not keeps(machine, start, end, (-1.0, -np.inf))
+        assert not keeps(machine, start, end, (-1.0, -np.inf, -np.inf))
         return
-    assert keeps(machine, start, end, (clear - 1e-4, min(free, 1e9) - 1e-4))
-    assert not keeps(machine, start, end, (clear + 1e-5, -np.inf))
+    assert keeps(machine, start, end, (clear - 1e-4, min(free, 1e9) - 1e-4, -np.inf))
+    assert not keeps(machine, start, end, (clear + 1e-5, -np.inf, -np.inf))
     if machine.keep_out:
-        assert not keeps(machine, start, end, (-np.inf, free + 1e-5))
+        assert not keeps(machine, start, end, (-np.inf, free + 1e-5, -np.inf))
 
 
 def test_the_way_of_the_platform_is_bounded_about_any_pose() -> None:

@@ -87,7 +87,10 @@ def bounds(path: dg.Path, geometry: dg.Geometry) -> dict[str, Callable[[float], 
     """Machines that leave a path a given room, one for each rule."""
     curve = round_corners(path).curve
     free = dg.Machine(
-        geometry=replace(geometry, rail_half_length=FREE), clearance=0.0, carriage_width=0.0
+        geometry=replace(geometry, rail_half_length=FREE),
+        clearance=0.0,
+        carriage_margin=0.0,
+        carriage_width=0.0,
     )
 
     def carriages(p: np.ndarray) -> np.ndarray:
@@ -144,7 +147,9 @@ def test_a_line_that_touches_a_surface_at_one_point_is_refused_by_its_name(
     surface: str, start: tuple[float, ...], along: tuple[float, ...]
 ) -> None:
     """Move a line against a surface until it touches; a nanometre away it passes."""
-    machine = dg.Machine(geometry=dg.Geometry(rail_half_length=FREE), clearance=0.0)
+    machine = dg.Machine(
+        geometry=dg.Geometry(rail_half_length=FREE), clearance=0.0, carriage_margin=0.0
+    )
     geometry = machine.geometry
     ends = np.array([start, np.add(start, along)])
 
@@ -170,7 +175,7 @@ def test_a_line_that_touches_a_surface_at_one_point_is_refused_by_its_name(
 def test_a_line_along_a_bound_is_decided_as_finely(room: float, expected: bool) -> None:
     flat = dg.Geometry().rail_half_spacing - dg.Geometry().platform_half_width - 180.0
     x = flat + 2.0 + room
-    machine = dg.Machine(geometry=dg.Geometry(rail_half_length=FREE))
+    machine = dg.Machine(geometry=dg.Geometry(rail_half_length=FREE), carriage_margin=0.0)
     assert passes(machine, dg.Path.line((x, -500, 230), (x, 500, 230))) is expected
     assert passes(machine, dg.Path.line((x, 0, 205), (x, 0, 225))) is expected
 
@@ -184,7 +189,7 @@ def test_an_arc_concentric_with_the_edge_of_reach_is_decided_as_finely(
     points = np.stack(
         [-45.0 + radius * np.cos(angle), 0 * angle, 70.0 + radius * np.sin(angle)], axis=1
     )
-    machine = dg.Machine(geometry=dg.Geometry(rail_half_length=FREE))
+    machine = dg.Machine(geometry=dg.Geometry(rail_half_length=FREE), carriage_margin=0.0)
     assert passes(machine, dg.Path.arc(*points)) is expected
 
 
@@ -292,7 +297,7 @@ def test_a_refused_path_says_where_what_and_by_how_much(
     a: tuple[float, ...], b: tuple[float, ...], quantity: str
 ) -> None:
     with pytest.raises(dg.PathError, match="mm") as caught:
-        dg.check_path(dg.Machine.default(), dg.Path.line(a, b))
+        dg.check_path(dg.Machine(carriage_margin=0.0), dg.Path.line(a, b))
     error = caught.value
     assert error.quantity == quantity
     assert error.amount > 0.0
@@ -424,7 +429,9 @@ def test_a_path_may_follow_a_singular_surface_a_nanometre_away(
     centre: tuple[float, float], radius: float, degrees: tuple[float, ...], side: float
 ) -> None:
     """Without any clearance, where the carriages' speeds are nearly infinite all the way."""
-    machine = dg.Machine(geometry=dg.Geometry(rail_half_length=FREE), clearance=0.0)
+    machine = dg.Machine(
+        geometry=dg.Geometry(rail_half_length=FREE), clearance=0.0, carriage_margin=0.0
+    )
     angle = np.radians(degrees)
     for room, expected in ((1e-6, True), (5e-8, False)):
         r = radius + side * room

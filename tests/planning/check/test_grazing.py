@@ -18,7 +18,9 @@ def test_what_grazes_a_rule_is_refused_and_what_passes_by_a_nanometre_is_not(
     room: float, expected: bool
 ) -> None:
     """Lines that touch legs flat between their ends, a box, and the end of a rail."""
-    free = dg.Machine(geometry=dg.Geometry(rail_half_length=9000.0), clearance=0.0)
+    free = dg.Machine(
+        geometry=dg.Geometry(rail_half_length=9000.0), clearance=0.0, carriage_margin=0.0
+    )
     outward = np.array([np.sin(-0.4), 0.0, np.cos(-0.4)])  # from legs flat, a circle about the arm
     touch = np.array([45.0, 0.0, 70.0]) + (180.0 + room) * outward
     along = 10.0 * np.array([outward[2], 0.3, -outward[0]])

@@ -34,6 +34,7 @@ def test_the_check_judges_points_by_the_same_room() -> None:
     assert reached.sum() > 500
     rows = judged[reached]
     np.testing.assert_allclose(rows[:, 0], here.clearance[reached], atol=1e-9)
-    np.testing.assert_allclose(rows[:, 1:4].min(axis=1), here.travel[reached], atol=1e-9)
-    np.testing.assert_allclose(rows[:, 4], here.order[reached], atol=1e-9)
-    np.testing.assert_allclose(rows[:, 5], here.keep_out[reached], atol=1e-9)
+    np.testing.assert_allclose(rows[:, 1], here.carriage_margin[reached], atol=1e-9)
+    np.testing.assert_allclose(rows[:, 2:5].min(axis=1), here.travel[reached], atol=1e-9)
+    np.testing.assert_allclose(rows[:, 5], here.order[reached], atol=1e-9)
+    np.testing.assert_allclose(rows[:, 6], here.keep_out[reached], atol=1e-9)

@@ -55,7 +55,7 @@ def test_it_goes_straight_from_rest() -> None:
 @pytest.mark.parametrize(
     ("velocity", "quantity"),
     [
-        ((0.0, 0.0, -90.0), "clearance"),
+        ((0.0, 0.0, -90.0), "carriage_margin"),
         ((0.0, 90.0, 0.0), "travel"),
         ((90.0, 0.0, 0.0), "keep_out"),
     ],
@@ -69,7 +69,7 @@ def test_it_comes_to_rest_before_what_is_in_the_way(
     require_room(MACHINE, carriages)
     assert (jog.blocked, jog.moving) == (quantity, False)
     room = {
-        "clearance": dg.clearance(MACHINE.geometry, jog.position) - 2.0,
+        "carriage_margin": dg.carriage_margin(MACHINE.geometry, jog.position) - 1.0,
         "travel": 360.0 - np.abs(carriages[-1]).max(),
         "keep_out": 10.0 - jog.position[0],
     }[quantity]
