@@ -142,7 +142,11 @@ def test_the_audit_takes_no_rounding_for_jerk_whatever_the_machine_s_size(size: 
     )
     limits = dg.CarriageLimits(velocity=1e3 * size, acceleration=1e4 * size, jerk=1e5)
     machine = dg.Machine(
-        geometry=geometry, limits=limits, clearance=2.0 * size, carriage_width=60.0 * size
+        geometry=geometry,
+        limits=limits,
+        clearance=2.0 * size,
+        carriage_margin=size,
+        carriage_width=60.0 * size,
     )
     ends = np.array([[-41.0, -100.0, 302.0], [-41.0, 100.0, 302.0]]) * size
     audit = dg.plan(machine, dg.Path.line(*ends), brake_safe=False).audit()

@@ -71,8 +71,10 @@ class Audit:
         fallback: Why the timing is a slower, certified one instead of the near-optimal one; empty
             where it is not.
         least_clearance: Least distance to a singular surface or edge of reach on the path [mm].
-        braking_clearance: The same while every drive brakes by itself, out of any instant of the
-            motion: a lower bound, certain between samples too; NaN where that was not looked at.
+        carriage_margin: Least error of all carriages on the path with which links may part, see
+            ``dg.carriage_margin`` [mm].
+        braking_clearance: The least clearance while every drive brakes by itself, out of any
+            instant of the motion: a lower bound, certain between samples too; NaN where that was not looked at.
         braking_cost: By how much longer the motion takes for that [s].
         feed_share: For which share of the duration the caps that the program itself sets on the
             tool's speed and acceleration hold the motion back, 0 to 1.
@@ -90,6 +92,7 @@ class Audit:
     shares: tuple[Share, ...]
     fallback: str
     least_clearance: float
+    carriage_margin: float
     braking_clearance: float
     braking_cost: float
     feed_share: float = 0.0
@@ -135,7 +138,8 @@ class Audit:
                 )
             ),
             f"limited by: {self.explain()}",
-            f"least clearance {self.least_clearance:.3f} mm",
+            f"least clearance {self.least_clearance:.3f} mm,"
+            f" least carriage margin {self.carriage_margin:.3f} mm",
         ]
         if self.braking_clearance == self.braking_clearance:
             cost = (
@@ -172,6 +176,7 @@ def audit(motion: Motion) -> Audit:
         shares=_shares(times, limiting, use),
         fallback=report.reason,
         least_clearance=motion.path.least_clearance,
+        carriage_margin=motion.path.carriage_margin,
         braking_clearance=report.braking_clearance,
         braking_cost=max(motion.duration - before, 0.0) if before > 0.0 else 0.0,
         feed_share=_feed_share(motion),

@@ -105,6 +105,7 @@ def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
             "jerk": audit.jerk,
         },
         "least_clearance": audit.least_clearance,
+        "carriage_margin": audit.carriage_margin,
         "braking_clearance": audit.braking_clearance,
         "limited_by": audit.explain(),
         "method": trajectory.report.method.value,
@@ -121,6 +122,7 @@ def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
         ("worst use, jerk", percent(audit.jerk)),
         ("held back by", audit.explain()),
         ("least clearance", f"{audit.least_clearance:.2f} mm to a singular surface"),
+        ("carriage margin", f"{audit.carriage_margin:.2f} mm that every carriage may be off"),
     ]
     if audit.picks:
         rate = f"{audit.picks_per_minute:.0f} picks a minute"

@@ -10,6 +10,7 @@ import numpy as np
 from duoglide.control.channel.scale import as_int_triple
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints, Stretch, TimedOutput
 from duoglide.errors import LimitError, PathError
+from duoglide.kinematics.carriage_margin import carriage_margin
 from duoglide.kinematics.model import forward
 from duoglide.motion.path.actions import SetOutput, WaitInput
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from duoglide.planning.trajectory import Trajectory
     from duoglide.storage.records import Phase
 
+LEAST_DEVIATION = 0.2  # [mm] of a carriage from where its drive's model expects it
 START_TOLERANCE = 0.05  # [mm] that a carriage may be away from the start of a run
 
 
@@ -97,6 +99,19 @@ def prepare(
     for before, after in pairwise(stretches):
         _validate(np.array([before.grid[-1], after.grid[0]]), np.array([before.end] * 2), fence)
     return PreparedSetpoints(number, phase, trajectory, tuple(stretches), outputs, fence)
+
+
+def margin_of(trajectory: Trajectory, machine: Machine) -> Callable[[FloatArray], FloatArray]:
+    """Return what a trajectory leaves its carriages, by path time: what ``prepare`` takes.
+
+    No less than what a drive's model tells: a plan that keeps a carriage margin never gets there.
+    """
+
+    def at(times: FloatArray) -> FloatArray:
+        position = trajectory.position_at(times)
+        return np.maximum(carriage_margin(machine.geometry, position), LEAST_DEVIATION)
+
+    return at
 
 
 def divide_into_cycles(start: float, end: float, cycle: float) -> FloatArray:

@@ -19,7 +19,7 @@ from duoglide.control.host.handle import (
     wait_to_the_end,
 )
 from duoglide.control.host.interrupt import undisturbed
-from duoglide.control.host.prepare import plan_approach, prepare
+from duoglide.control.host.prepare import margin_of, plan_approach, prepare
 from duoglide.control.host.report import RunReport
 from duoglide.control.host.run_log import RunLog
 from duoglide.drives.cia402 import State, decode
@@ -367,17 +367,25 @@ class Robot:
         self._require_ready()
         way = recover(self.machine, self._drives.held)
         held = self._drives.held
-        prepared = self._load(way, Fence.of(self.machine).extend_to(held), Phase.PROGRAM)
+        prepared = self._load(
+            way, Fence.of(self.machine).extend_to(held), Phase.PROGRAM, way_out=True
+        )
         use = measure_limit_use(way, self.machine)
         plan = RunPlan(None, prepared, 1.0, self.machine.drives, use)
         return wait_to_the_end(self._begin(plan, None))
 
     # Inside
 
-    def _load(self, trajectory: Trajectory, fence: Fence, phase: Phase) -> PreparedSetpoints:
-        """Hand a trajectory to the streamer, every setpoint of it validated."""
+    def _load(
+        self, trajectory: Trajectory, fence: Fence, phase: Phase, *, way_out: bool = False
+    ) -> PreparedSetpoints:
+        """Hand a trajectory to the streamer, every setpoint of it validated.
+
+        What it leaves the carriages bounds how far they may be off; a way out has nothing left.
+        """
         self._number += 1
-        prepared = prepare(trajectory, fence, self._number, phase)
+        margin_at = None if way_out else margin_of(trajectory, self.machine)
+        prepared = prepare(trajectory, fence, self._number, phase, margin_at)
         self._connection.process.load(prepared)
         return prepared
 

@@ -51,6 +51,11 @@ class CarriagePath:
         """Least distance to a singular surface or edge of reach on the path [mm]."""
         return self.checked.report["clearance"].margin
 
+    @property
+    def carriage_margin(self) -> float:
+        """Least error of all carriages with which links may part or a surface is met [mm]."""
+        return self.checked.report["carriage_margin"].margin
+
     def position(self, sigma: float | FloatArray) -> FloatArray:
         """Return the platform centre O' in the base frame [mm], shape (..., 3)."""
         return self.checked.curve.position(sigma)

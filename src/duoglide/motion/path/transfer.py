@@ -11,8 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from duoglide.arrays import FloatArray, as_floats, as_number, read_only
 from duoglide.errors import InputError
+from duoglide.kinematics.carriage_margin import least_margin
 from duoglide.kinematics.model import forward
 from duoglide.machine import Machine
+
+_MARGIN_SAMPLES = 4001  # for the least carriage margin: steps of a few hundredths of a mm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +69,20 @@ class TransferPath:
         """How long the platform's path is, to about 1 % [mm]."""
         points = self.position(np.linspace(0.0, self.duration, 65))
         return float(np.linalg.norm(np.diff(points, axis=0), axis=-1).sum())
+
+    @property
+    def carriage_margin(self) -> float:
+        """Least error of all carriages with which links may part or a surface is met [mm].
+
+        A lower bound: it changes by no more than what the carriage that moves most moves by.
+        """
+        carriages = self.derivatives(np.linspace(0.0, self.duration, _MARGIN_SAMPLES))[:, 0]
+        steps = np.abs(np.diff(carriages, axis=0)).max(axis=-1)
+        loss = 0.5 * np.maximum(np.append(steps, 0.0), np.insert(steps, 0, 0.0))
+        least, _ = least_margin(
+            self.machine.geometry, forward(self.machine.geometry, carriages), loss
+        )
+        return least
 
     def derivatives(self, sigma: ArrayLike, piece: NDArray[np.intp] | None = None) -> FloatArray:
         """Return the carriages and their first three derivatives by sigma, the time.

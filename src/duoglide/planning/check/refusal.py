@@ -18,7 +18,7 @@ from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.segments import show
 from duoglide.planning.check.judge import judge_points
-from duoglide.planning.check.rules import Rules
+from duoglide.planning.check.rules import CARRIAGE_MARGIN, CLEARANCE, Rules
 from duoglide.planning.check.search import first_failure
 from duoglide.planning.tolerances import NANOMETRE
 
@@ -91,13 +91,19 @@ def margins_at(rules: Rules, sigma: FloatArray) -> FloatArray:
 
 
 def _find_breach(rules: Rules, failed_at: float) -> Breach:
-    """Name the rule that is broken first, and how far it is broken before it is kept again."""
+    """Name the rule that is broken first, and how far it is broken before it is kept again.
+
+    Where the carriage margin ends in a surface, the surface is named.
+    """
     first = margins_at(rules, np.array([failed_at]))[0]
     family = int(np.argmax(first < TOUCHING))
     sigma = np.linspace(failed_at, rules.curve.end, SAMPLES)
-    values = margins_at(rules, sigma)[:, family]
-    kept = np.flatnonzero(values >= TOUCHING)
+    table = margins_at(rules, sigma)
+    kept = np.flatnonzero(table[:, family] >= TOUCHING)
     stretch = slice(0, max(int(kept[0]), 1) if kept.size else None)
+    if family == CARRIAGE_MARGIN and table[stretch, CLEARANCE].min() < TOUCHING:
+        family = CLEARANCE  # it knows which surface is in the way
+    values = table[:, family]
     points = rules.curve.position(sigma[stretch])
     lacking = reach_of(points, rules.constants).lacking.max(axis=1)
     if lacking.max() > -TOUCHING:
