@@ -94,9 +94,6 @@ def test_every_value_has_a_short_repr_with_its_unit(move: dg.Trajectory, path: d
     tightest = checked.report.tightest
     name = tightest.family.replace("_", " ")
     assert rows(checked.report._repr_html_())[name][0] == f"{tightest.margin:.2f} mm"
-        rows(checked.report._repr_html_())[tightest.family.replace("_", " ")][0]
-        == f"{tightest.margin:.2f} mm"
-    )
 
 
 def test_a_refused_path_is_drawn_with_the_place_where_it_fails() -> None:

@@ -74,7 +74,8 @@ class Audit:
         carriage_margin: Least error of all carriages on the path with which links may part, see
             ``dg.carriage_margin`` [mm].
         braking_clearance: The least clearance while every drive brakes by itself, out of any
-            instant of the motion: a lower bound, certain between samples too; NaN where that was not looked at.
+            instant of the motion: a lower bound, certain between samples too; NaN where that was
+            not looked at.
         braking_cost: By how much longer the motion takes for that [s].
         feed_share: For which share of the duration the caps that the program itself sets on the
             tool's speed and acceleration hold the motion back, 0 to 1.
