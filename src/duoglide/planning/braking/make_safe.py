@@ -28,7 +28,8 @@ _ROUNDS = 5
 _TIGHTER = 0.97  # what a cap loses each round that it did not suffice
 _SLOWEST = 0.002  # A share of the speed below which no cap is looked for.
 _HALVINGS = 7  # of the ratio of speeds, in the search for a cap
-_LONGEST = 1000.0  # times the duration of the draft: then it stands nearly still
+_LEAST_SPEED = 10.0  # [mm/s] of the platform on average: a plan that must be slower is refused
+_LONGEST = 20.0  # times the duration of the draft, which it may take however short its way is
 _SLOWER = 1.1
 _MOST_STRETCHES = 8  # by 1.1, 1.1^2, 1.1^4: 1.1^255 in all
 _BISECTIONS = 1
@@ -48,9 +49,10 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
         braking, for certain.
 
     Raises:
-        PathError: No speed is certain to be safe.
+        PathError: No speed is certain to be safe that is worth having.
     """
     motion, report = draft, brake_report(draft)
+    longest = max(_LONGEST * draft.duration, _way_of(draft) / _LEAST_SPEED)
     sigma, cap = np.zeros(1), np.full(1, NO_CAP)
     slowest = _SLOWEST * draft.path.length / max(draft.duration, 1e-9)
     for round_ in range(_ROUNDS):
@@ -61,10 +63,10 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
         sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
         motion = retime(sigma, cap)
         report = brake_report(motion)
-        if motion.duration > _LONGEST * draft.duration:
+        if motion.duration > longest:
             break
     if not report.safe:
-        motion, report = _slow_down(motion, report, _LONGEST * draft.duration)
+        motion, report = _slow_down(motion, report, longest)
     cost = draft.duration if motion is not draft else 0.0
     told = replace(
         motion.report,
@@ -121,7 +123,7 @@ def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Mot
     """Stretch the whole of a motion in time until it is brake-safe, or takes ``longest`` [s].
 
     Raises:
-        PathError: It never is: its path leaves less than bounds can tell from nothing.
+        PathError: It never is: its path leaves hardly more than what must be kept.
     """
     rates = safe_rates(motion, report.unsafe) if len(report.unsafe) else np.ones(1)
     good = 1.0 / float(rates.min())
@@ -142,12 +144,19 @@ def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Mot
             slow, report = (less, told) if told.safe else (slow, report)
         return slow, report
     raise PathError(
-        f"no speed was found at which the drives may brake by themselves, each within"
-        f" {motion.machine.reaction_cycles} cycles of the first: {_lacking(report)}",
+        f"no speed above {_LEAST_SPEED:g} mm/s was found at which the drives may brake by"
+        f" themselves, each within {motion.machine.reaction_cycles} cycles of the first:"
+        f" {_lacking(report)}",
         position=report.position,
         quantity=report.quantity,
         amount=-report.room,
     )
+
+
+def _way_of(motion: Motion) -> float:
+    """Return how far the platform goes [mm], about."""
+    places = motion.position_at(np.linspace(0.0, motion.duration, 257))
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=-1).sum())
 
 
 def _lacking(report: BrakeReport) -> str:
