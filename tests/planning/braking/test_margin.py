@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drive_stops import closes, random_stops
+from drive_stops import least_carriage_margin, random_stops
 
 import duoglide as dg
 from duoglide.kinematics.carriage_margin import fold_of
@@ -68,11 +68,7 @@ def test_the_least_margin_of_a_footprint_is_at_its_corners(changes: dict[str, fl
 def worst_margin(motion: dg.Trajectory, seed: int) -> float:
     """Return the least carriage margin of random stops [mm], -inf where the links come apart."""
     drawn = random_stops(motion, 300, np.random.default_rng(seed))
-    carriages = drawn.at(motion, SHARES).reshape(-1, 3)
-    geometry = motion.machine.geometry
-    if not closes(geometry, carriages).all():
-        return -np.inf
-    return float(dg.carriage_margin(geometry, dg.forward(geometry, carriages)).min())
+    return least_carriage_margin(motion, drawn.at(motion, SHARES))
 
 
 def test_drives_that_brake_leave_the_carriage_margin_that_is_asked_for() -> None:
