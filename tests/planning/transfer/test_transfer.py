@@ -169,3 +169,14 @@ def test_one_carriage_can_be_moved_by_itself() -> None:
     np.testing.assert_allclose(trajectory.end - start, [0.0, 1.0, 0.0], atol=1e-9)
     with pytest.raises(dg.PathError, match="crosses a singularity"):
         transfer_carriages(MACHINE, start, np.add(start, (0.0, 0.0, 200.0)))
+
+
+def test_a_transfer_that_braking_slows_accelerates_as_before() -> None:
+    """Along the rails nothing but the speed counts; stretched in time it would take 0.208 s."""
+    ends = (-41.0, -150.0, 302.0), (-41.0, 150.0, 302.0)
+    draft = dg.transfer(MACHINE, *ends, brake_safe=False)
+    safe = dg.transfer(MACHINE, *ends)
+    assert safe.report.brake_safe
+    assert draft.duration < safe.duration < 0.175
+    accelerations = (np.abs(m.sample(1e-4)[1].acceleration).max() for m in (draft, safe))
+    assert next(accelerations) == pytest.approx(next(accelerations), rel=0.02)

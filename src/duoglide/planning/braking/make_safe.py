@@ -21,6 +21,9 @@ Retime = Callable[[FloatArray, FloatArray], Motion]
 """Time the same curve again under a cap on d sigma/dt: sigma (n,) and the cap there (n,), linear in
 between, ``NO_CAP`` where there is none."""
 
+Replan = Callable[[float], Motion]
+"""Plan the same motion again at a share of its speeds, with the accelerations that it has; raises a
+PathError where its way is another one then, and leads where it must not."""
 
 _SAMPLE = 0.001  # [s] of the plan lie between two caps.
 _FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
@@ -33,9 +36,12 @@ _LONGEST = 20.0  # times the duration of the draft, which it may take however sh
 _SLOWER = 1.1
 _MOST_STRETCHES = 8  # by 1.1, 1.1^2, 1.1^4: 1.1^255 in all
 _BISECTIONS = 1
+_REPLANS = 2
 
 
-def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
+def make_brake_safe(
+    draft: Motion, retime: Retime | None = None, replan: Replan | None = None
+) -> Motion:
     """Return ``draft``, or the same curve timed slower where braking alone would not be safe.
 
     Only the parts that are not certain to be safe are slowed, if the curve can be timed again.
@@ -43,6 +49,7 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
     Args:
         draft: What was planned without regard to braking.
         retime: How to time the curve again under caps; left out, the whole of it is slowed.
+        replan: How to slow the whole of it down; left out, it is stretched, and accelerates less.
 
     Returns:
         A motion whose report says what the safety has cost and the least clearance while
@@ -66,7 +73,8 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
         if motion.duration > longest:
             break
     if not report.safe:
-        motion, report = _slow_down(motion, report, longest)
+        found = _replan_slower(motion, report, replan) if replan is not None else None
+        motion, report = found or _slow_down(motion, report, longest)
     cost = draft.duration if motion is not draft else 0.0
     told = replace(
         motion.report,
@@ -117,6 +125,23 @@ def safe_rates(motion: Motion, unsafe: FloatArray) -> FloatArray:
         safe = is_safe(blocks.at_rate(middle))
         low, high = np.where(safe, middle, low), np.where(safe, high, middle)
     return low
+
+
+def _replan_slower(
+    motion: Motion, report: BrakeReport, replan: Replan
+) -> tuple[Motion, BrakeReport] | None:
+    """Plan at the speed that seems to be safe, or at a little less; None if neither is."""
+    share = float(safe_rates(motion, report.unsafe).min())
+    for _ in range(_REPLANS):
+        try:
+            slow = replan(share)
+        except PathError:
+            return None
+        told = brake_report(slow)
+        if told.safe:
+            return slow, told
+        share /= _SLOWER
+    return None
 
 
 def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Motion, BrakeReport]:

@@ -86,9 +86,10 @@ def _least_carriage_margin(rules: Rules, intervals: Intervals) -> tuple[float, f
     if about.size < 3:
         return found, float(looks[at])
     values = carriage_margin(g, rules.curve.position(about))
-    bend = np.polyfit(about - about[1], values, 2)
-    if bend[0] > 0.0:
-        vertex = np.clip(about[1] - 0.5 * bend[1] / bend[0], about[0], about[2])
+    slopes = np.diff(values) / np.diff(about)
+    bend = (slopes[1] - slopes[0]) / (about[2] - about[0])  # of the parabola through all three
+    if bend > 0.0:
+        vertex = np.clip(0.5 * (about[0] + about[1] - slopes[0] / bend), about[0], about[2])
         lower = float(carriage_margin(g, rules.curve.position(vertex)))
         if lower < found:
             return lower, float(vertex)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import ruckig
 from numpy.typing import ArrayLike
@@ -18,7 +20,7 @@ from duoglide.motion.path.segments import show
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
-from duoglide.planning.braking.make_safe import make_brake_safe
+from duoglide.planning.braking.make_safe import Replan, make_brake_safe
 from duoglide.planning.stops.certificate import stop_bounds
 from duoglide.planning.tolerances import PICOMETRE
 from duoglide.planning.trajectory import Trajectory
@@ -26,6 +28,8 @@ from duoglide.planning.transfer.certificate import certify
 from duoglide.planning.transfer.rest_to_rest import rest_to_rest
 
 _SAME_POSE = 1e-5  # mm, between a position and what its own carriages give
+_SPEEDS = 1001  # places at which the speeds of a transfer are looked at
+_STILL = 1e-3  # of its limit: as slow as that a carriage may be that hardly moves
 HOME_TOLERANCE = 10.0  # mm, at the deep pose on the way round
 
 
@@ -108,8 +112,10 @@ def _go_direct(
         except PathError as error:
             first = first or error
             continue
-        path = TransferPath(machine, breaks, table, least)
-        return _time(path, brake_safe)
+        draft = _time(TransferPath(machine, breaks, table, least))
+        if brake_safe:
+            draft = make_brake_safe(draft, replan=_slower(draft, (start, goal), sync))
+        return Trajectory.of(draft, stop_bounds(draft))
     assert first is not None
     raise first
 
@@ -120,16 +126,31 @@ def _stay(machine: Machine, carriages: FloatArray) -> Trajectory:
     table[0, 0] = carriages
     cycle = machine.drives.cycle
     clearance = float(room(machine, carriages[None]).clearance[0]) + machine.clearance
-    path = TransferPath(machine, np.array([0.0, cycle]), table, clearance)
-    return _time(path, brake_safe=False)
-
-
-def _time(path: TransferPath, brake_safe: bool) -> Trajectory:
-    report = TimingReport(method=TimingMethod.TRANSFER)
-    motion = Motion(path, Profile.steady(path.duration), report=report)
-    if brake_safe:
-        motion = make_brake_safe(motion)
+    motion = _time(TransferPath(machine, np.array([0.0, cycle]), table, clearance))
     return Trajectory.of(motion, stop_bounds(motion))
+
+
+def _time(path: TransferPath) -> Motion:
+    """Return the motion that a transfer is, with its own time."""
+    report = TimingReport(method=TimingMethod.TRANSFER)
+    return Motion(path, Profile.steady(path.duration), report=report)
+
+
+def _slower(
+    draft: Motion, ends: tuple[FloatArray, FloatArray], sync: ruckig.Synchronization
+) -> Replan:
+    """Return what plans a transfer again at a share of its speeds."""
+    machine = draft.machine
+    speeds = np.abs(draft.at(np.linspace(0.0, draft.duration, _SPEEDS)).velocity).max(axis=0)
+
+    def replan(share: float) -> Motion:
+        most = np.maximum(share * speeds, share * _STILL * machine.limits.velocity)
+        limits = replace(machine.limits, velocity=np.minimum(machine.limits.velocity, most))
+        breaks, table = rest_to_rest(*ends, limits, sync)
+        least = certify(machine, TransferPath(machine, breaks, table, 0.0))
+        return _time(TransferPath(machine, breaks, table, least))
+
+    return replan
 
 
 def _plan_round(machine: Machine, path: Path, brake_safe: bool) -> Trajectory:
