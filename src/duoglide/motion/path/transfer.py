@@ -74,10 +74,11 @@ class TransferPath:
     def carriage_margin(self) -> float:
         """Least error of all carriages with which links may part or a surface is met [mm].
 
-        A lower bound: it changes by no more than what the carriage that moves most moves by.
+        A lower bound: it changes by no more than half of what the distance of two carriages does.
         """
         carriages = self.derivatives(np.linspace(0.0, self.duration, _MARGIN_SAMPLES))[:, 0]
-        steps = np.abs(np.diff(carriages, axis=0)).max(axis=-1)
+        apart = carriages - np.roll(carriages, 1, axis=-1)
+        steps = 0.5 * np.abs(np.diff(apart, axis=0)).max(axis=-1)
         loss = 0.5 * np.maximum(np.append(steps, 0.0), np.insert(steps, 0, 0.0))
         least, _ = least_margin(
             self.machine.geometry, forward(self.machine.geometry, carriages), loss

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from duoglide.arrays import FloatArray
-from duoglide.kinematics.carriage_margin import carriage_margin, least_margin
+from duoglide.kinematics.carriage_margin import SAME, carriage_margin, least_margin
 from duoglide.kinematics.singularity.margins import FAMILIES, margins
 from duoglide.motion.path.checked import CheckReport, LeastMargin
 from duoglide.planning.check.judge import judge_points
@@ -16,6 +16,9 @@ from duoglide.planning.tolerances import PICOMETRE
 _LOOKS = np.linspace(-1.0, 1.0, 17)  # at an interval, from its start to its end
 _MANY = 200  # intervals; of more than these, a few are looked at closely
 _KEPT = 6  # for each family
+_ZOOMS = 6  # by which a kink of the carriage margin is looked for, each with so many looks
+_CLOSE_LOOKS = 17
+_APART = 1e-9  # mm of sigma between two looks
 _CLOSER = np.linspace(-0.2, 0.2, 5)  # about where the least value is expected
 
 
@@ -81,19 +84,27 @@ def _least_carriage_margin(rules: Rules, intervals: Intervals) -> tuple[float, f
         _, at = least_at(intervals.middle)
         intervals = intervals[slice(max(at - 1, 0), at + 2)]
     looks = np.unique(intervals.middle[:, None] + intervals.half[:, None] * _LOOKS)
+    looks = looks[np.append(True, np.diff(looks) > _APART)]  # ends of two intervals are one look
     found, at = least_at(looks)
-    about = looks[max(at - 1, 0) : at + 2]
-    if about.size < 3:
-        return found, float(looks[at])
-    values = carriage_margin(g, rules.curve.position(about))
-    slopes = np.diff(values) / np.diff(about)
-    bend = (slopes[1] - slopes[0]) / (about[2] - about[0])  # of the parabola through all three
-    if bend > 0.0:
+    best, where = found, float(looks[at])
+    for _ in range(_ZOOMS):
+        about = looks[max(at - 1, 0) : at + 2]
+        if about.size < 3:
+            break
+        values = carriage_margin(g, rules.curve.position(about))
+        slopes = np.diff(values) / np.diff(about)
+        bend = (slopes[1] - slopes[0]) / (about[2] - about[0])  # of the parabola through all three
+        if not bend > 0.0:
+            break
         vertex = np.clip(0.5 * (about[0] + about[1] - slopes[0] / bend), about[0], about[2])
-        lower = float(carriage_margin(g, rules.curve.position(vertex)))
-        if lower < found:
-            return lower, float(vertex)
-    return found, float(looks[at])
+        before = best
+        looks = np.unique(np.append(np.linspace(about[0], about[2], _CLOSE_LOOKS), vertex))
+        found, at = least_at(looks)
+        if found < best:
+            best, where = found, float(looks[at])
+        if best > before - SAME:
+            break
+    return best, where
 
 
 def _select_promising(rules: Rules, intervals: Intervals) -> Intervals:
