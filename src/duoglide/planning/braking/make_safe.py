@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,16 +23,33 @@ Retime = Callable[[FloatArray, FloatArray], Motion]
 between, ``NO_CAP`` where there is none."""
 
 
-_SAMPLE = 0.001  # [s] of the plan lie between two caps.
-_FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
-_ROUNDS = 5
-_TIGHTER = 0.97  # what a cap loses each round that it did not suffice
-_SLOWEST = 0.002  # A share of the speed below which no cap is looked for.
-_HALVINGS = 7  # of the ratio of speeds, in the search for a cap
-_LONGEST = 1000.0  # times the duration of the draft: then it stands nearly still
-_SLOWER = 1.1
-_MOST_STRETCHES = 8  # by 1.1, 1.1^2, 1.1^4: 1.1^255 in all
-_BISECTIONS = 1
+class _Caps(NamedTuple):
+    """How caps on the speed are found where a plan is not brake-safe.
+
+    Attributes:
+        sample: Of the plan, between two caps [s].
+        samples: Least and largest number of them.
+        rounds: Times that the curve is timed under caps, before the whole is slowed.
+        tighter: Share of a cap that each round keeps which did not suffice.
+        slowest: Share of the speed below which no cap is looked for.
+        halvings: Of the ratio of speeds in the search for a cap: to 5 % of it.
+        longest: Times the duration of the draft: beyond that a plan nearly stands still.
+        slower: First factor by which the whole is stretched; each next one is its square.
+        stretches: At most: by 1.1, 1.1^2, 1.1^4 and so on, 1.1^255 in all.
+    """
+
+    sample: float = 0.001
+    samples: tuple[int, int] = (400, 40_000)
+    rounds: int = 5
+    tighter: float = 0.97
+    slowest: float = 0.002
+    halvings: int = 7
+    longest: float = 1000.0
+    slower: float = 1.1
+    stretches: int = 8
+
+
+_CAPS = _Caps()
 
 
 def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
@@ -52,19 +70,19 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
     """
     motion, report = draft, brake_report(draft)
     sigma, cap = np.zeros(1), np.full(1, NO_CAP)
-    slowest = _SLOWEST * draft.path.length / max(draft.duration, 1e-9)
-    for round_ in range(_ROUNDS):
+    slowest = _CAPS.slowest * draft.path.length / max(draft.duration, 1e-9)
+    for round_ in range(_CAPS.rounds):
         if report.safe or retime is None:
             break
-        where, fresh = brake_caps(motion, report.unsafe, _TIGHTER**round_, slowest)
+        where, fresh = brake_caps(motion, report.unsafe, _CAPS.tighter**round_, slowest)
         grid = np.union1d(sigma, where)
         sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
         motion = retime(sigma, cap)
         report = brake_report(motion)
-        if motion.duration > _LONGEST * draft.duration:
+        if motion.duration > _CAPS.longest * draft.duration:
             break
     if not report.safe:
-        motion, report = _slow_down(motion, report, _LONGEST * draft.duration)
+        motion, report = _slow_down(motion, report, _CAPS.longest * draft.duration)
     cost = draft.duration if motion is not draft else 0.0
     told = replace(
         motion.report,
@@ -109,8 +127,8 @@ def safe_rates(motion: Motion, unsafe: FloatArray) -> FloatArray:
         unsafe: Parts of its path time [s], shape (m, 2).
     """
     blocks = Blocks.within(CarriageBounds.of(motion), unsafe)
-    low, high = np.full(len(blocks), _SLOWEST), np.ones(len(blocks))
-    for _ in range(_HALVINGS):
+    low, high = np.full(len(blocks), _CAPS.slowest), np.ones(len(blocks))
+    for _ in range(_CAPS.halvings):
         middle = np.sqrt(low * high)
         safe = is_safe(blocks.at_rate(middle))
         low, high = np.where(safe, middle, low), np.where(safe, high, middle)
@@ -127,18 +145,16 @@ def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Mot
     good = 1.0 / float(rates.min())
     slow, report = _stretch(motion, good)
     bad = good
-    for k in range(_MOST_STRETCHES):
+    for k in range(_CAPS.stretches):
         if report.safe:
             break
-        bad, good = good, good * _SLOWER ** (2**k)
+        bad, good = good, good * _CAPS.slower ** (2**k)
         if good * motion.duration > longest:
             break
         slow, report = _stretch(motion, good)
     if report.safe:
-        for _ in range(_BISECTIONS if good > _SLOWER**2 * bad else 0):
-            middle = sqrt(bad * good)
-            less, told = _stretch(motion, middle)
-            bad, good = (bad, middle) if told.safe else (middle, good)
+        if good > _CAPS.slower**2 * bad:
+            less, told = _stretch(motion, sqrt(bad * good))
             slow, report = (less, told) if told.safe else (slow, report)
         return slow, report
     raise PathError(
@@ -168,7 +184,7 @@ def _choose_samples(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]
 
     The speeds are the largest ones near by: a cap must hold between two samples, and none is zero.
     """
-    count = int(np.clip(whole(motion.duration / _SAMPLE), _FEWEST_SAMPLES, _MOST_SAMPLES))
+    count = int(np.clip(whole(motion.duration / _CAPS.sample), *_CAPS.samples))
     times = np.linspace(0.0, motion.duration, count + 1)
     along = motion.profile.at(times)
     sigma, first = np.unique(along[:, 0], return_index=True)

@@ -16,6 +16,8 @@ rising rates have bounds of their own.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from duoglide.arrays import FloatArray
@@ -26,16 +28,31 @@ from duoglide.planning.compare import first_least, whole
 from duoglide.planning.stops.kernel import largest_slopes, windows
 from duoglide.planning.tolerances import CHUNK
 
-CELL = 0.002  # s of path time, at the least
-_CELLS_A_STOP = 40  # that are enough, if stops are so slow
-SAMPLES = 6  # a cell
-LARGEST_SLOPE = 250.0  # 1/s: no stop is asked to be quicker than 8 ms
-RESERVE = 0.02  # what a change may use at least, as a share of each stop limit
+
+class _Cells(NamedTuple):
+    """How finely stops along a motion are certified.
+
+    Attributes:
+        shortest: Path time of a cell, at the least [s].
+        per_stop: Cells that are enough for a stop, if stops are slow.
+        most: Cells of a motion, at most.
+        samples: Of the motion in a cell.
+        slope: Of the rate [1/s]: no stop is asked to be quicker than 8 ms.
+        reserve: Share of each stop limit that a change may use at least.
+    """
+
+    shortest: float = 0.002
+    per_stop: int = 40
+    most: int = 100_000
+    samples: int = 6
+    slope: float = 250.0
+    reserve: float = 0.02
+
+
+_CELLS = _Cells()
 _SHAPES = np.array([1.0, 0.5, 0.2])  # rho
 _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in what r' may be;
 # below 1/2 every term is smaller than at 1/2
-_LIMITED = ("acceleration", "jerk")
-_MOST_CELLS = 100_000
 
 
 def stop_bounds(motion: Motion) -> StopBounds:
@@ -47,7 +64,7 @@ def stop_bounds(motion: Motion) -> StopBounds:
     """
     duration = motion.duration
     if duration <= 0.0:
-        return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
+        return StopBounds.constant(0.0, _CELLS.slope, _CELLS.slope**2)
     cells = whole(duration / _cell_length(motion))
     falling, rising = (_table(allowed, duration) for allowed in _find_slopes(motion, cells))
     return StopBounds(duration, falling, rising)
@@ -81,8 +98,8 @@ def _prolong(motion: Motion, duration: float) -> Motion:
 
 def _cell_length(motion: Motion) -> float:
     """Return how long a cell of path time lasts, at most [s]."""
-    least = _least_stop(motion) / _CELLS_A_STOP
-    return max(CELL, motion.duration / _MOST_CELLS, least)
+    least = _least_stop(motion) / _CELLS.per_stop
+    return max(_CELLS.shortest, motion.duration / _CELLS.most, least)
 
 
 def _least_stop(motion: Motion) -> float:
@@ -95,16 +112,17 @@ def _least_stop(motion: Motion) -> float:
 
 def _find_slopes(motion: Motion, cells: int) -> FloatArray:
     """Return the largest R1 of each shape and cell, falling and rising, (2, shapes, cells)."""
-    limits = np.stack([getattr(motion.machine.stop_limits, name) for name in _LIMITED])
+    allowed = motion.machine.stop_limits
+    limits = np.stack([allowed.acceleration, allowed.jerk])
     share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
     both = np.empty((2, _SHAPES.size, cells))
     for begin in range(0, cells, CHUNK):
         part = slice(begin, min(begin + CHUNK, cells))
         peaks = _bound_peaks(motion, cells, part)
         for k, rho in enumerate(_SHAPES.tolist()):
-            found = np.full((2, peaks.shape[2]), LARGEST_SLOPE)
+            found = np.full((2, peaks.shape[2]), _CELLS.slope)
             levels = _LEVELS[1:], share[k]
-            largest_slopes(peaks, (limits, RESERVE * limits), levels, rho, found)
+            largest_slopes(peaks, (limits, _CELLS.reserve * limits), levels, rho, found)
             both[:, k, part] = found
     return both
 
@@ -127,14 +145,14 @@ def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     Returns:
         Largest positive and largest negative values, both as amounts, shape (2, 3, n, 3).
     """
-    step = motion.duration / (cells * SAMPLES)
-    times = np.arange(part.start * SAMPLES - 1, part.stop * SAMPLES + 2) * step
+    step = motion.duration / (cells * _CELLS.samples)
+    times = np.arange(part.start * _CELLS.samples - 1, part.stop * _CELLS.samples + 2) * step
     state = motion.at(np.clip(times, 0.0, motion.duration))
     one = np.stack([state.velocity, state.acceleration, state.jerk])
     signed = np.stack([one, -one])
     between = np.maximum(signed[:, :, 1:], signed[:, :, :-1])
     wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
-    peaks: FloatArray = wide.reshape(2, 3, -1, SAMPLES, 3).max(axis=3)
+    peaks: FloatArray = wide.reshape(2, 3, -1, _CELLS.samples, 3).max(axis=3)
     peaks[:, 1] += 0.5 * step * peaks[:, 2].max(axis=0)
     peaks[:, 0] += 0.5 * step * peaks[:, 1].max(axis=0)
     return np.maximum(peaks, 0.0)

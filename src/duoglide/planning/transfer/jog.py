@@ -18,11 +18,11 @@ from duoglide.errors import InputError, PathError, SingularityError, Unreachable
 from duoglide.kinematics.headroom.room import TOUCHING, locate, room
 from duoglide.kinematics.model import inverse, inverse_derivatives, jacobian
 from duoglide.machine import Machine
+from duoglide.planning.tolerances import ALIKE
 
 _SAMPLES = 16  # A way to stop is looked at in so many places.
 _SLACK = 0.05  # mm that is left of every bound where there is so much to begin with
 # A motion counts as straight if no more than this share of its acceleration points aside.
-_ALONG = 1e-6
 _ROUNDING = 5e-6  # mm, within which a clearance is known
 
 
@@ -167,8 +167,8 @@ class Jog:
         share = np.full(3, 1.0 / np.sqrt(3.0))
         size = float(np.linalg.norm(change))
         aside = float(np.linalg.norm(np.cross(acceleration, change)))
-        if size > 0.0 and aside <= _ALONG * size * self._limits.acceleration:
-            share = np.maximum(np.abs(change) / size, _ALONG)
+        if size > 0.0 and aside <= ALIKE * size * self._limits.acceleration:
+            share = np.maximum(np.abs(change) / size, ALIKE)
         question = self._question
         question.max_acceleration = (share * self._limits.acceleration).tolist()
         question.max_jerk = (share * self._limits.jerk).tolist()
@@ -260,7 +260,7 @@ def _bends(states: FloatArray, gap: float, jerk: float) -> FloatArray:
     way = longest / max(float(np.linalg.norm(longest)), 1e-300)
     speed, drive = v @ way, a @ way
     aside = np.linalg.norm(both - (both @ way)[:, None] * way, axis=-1)
-    if aside.max() > _ALONG * np.linalg.norm(longest):
+    if aside.max() > ALIKE * np.linalg.norm(longest):
         return bends
     back = speed[1:] * speed[:-1] < 0.0
     back |= ((speed * drive)[:-1] < 0.0) & ((speed * drive)[1:] > 0.0)
