@@ -22,7 +22,7 @@ from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.derivatives import ArrayJet, root_jet_bounds
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import CarriageLimits, Machine
-from duoglide.motion.curve.bounds import derivative_bounds
+from duoglide.motion.curve.bounds import bound_derivatives
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import SIGMA, TIME, Profile, evaluate
@@ -329,7 +329,7 @@ def _curve_bounds(motion: Motion) -> list[FloatArray]:
     """Bound the derivatives of the curve by sigma in each of its pieces, (n, 3) each."""
     path = motion.path
     if not isinstance(path, TransferPath):
-        return derivative_bounds(path.curve, _CUT.order)
+        return bound_derivatives(path.curve, _CUT.order)
     _, one, two, three = np.moveaxis(path.polynomials, 1, 0)
     span = np.diff(path.breaks)[:, None]
     third = 6.0 * np.abs(three)

@@ -25,7 +25,7 @@ from duoglide.motion.motion import Motion
 from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import RateTable, StopBounds
 from duoglide.planning.compare import first_least, whole
-from duoglide.planning.stops.kernel import largest_slopes, windows
+from duoglide.planning.stops.kernel import find_largest_slopes, find_windows
 from duoglide.planning.tolerances import CHUNK
 
 
@@ -55,7 +55,7 @@ _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in w
 # below 1/2 every term is smaller than at 1/2
 
 
-def stop_bounds(motion: Motion) -> StopBounds:
+def certify_stops(motion: Motion) -> StopBounds:
     """Return the certified bounds of any change of the path rate along ``motion``.
 
     Where the plan itself uses nearly all of ``machine.stop_limits``, the bounds leave a change
@@ -65,8 +65,8 @@ def stop_bounds(motion: Motion) -> StopBounds:
     duration = motion.duration
     if duration <= 0.0:
         return StopBounds.constant(0.0, _CELLS.slope, _CELLS.slope**2)
-    cells = whole(duration / _cell_length(motion))
-    falling, rising = (_table(allowed, duration) for allowed in _find_slopes(motion, cells))
+    cells = whole(duration / _choose_cell_length(motion))
+    falling, rising = (_choose_shapes(allowed, duration) for allowed in _find_slopes(motion, cells))
     return StopBounds(duration, falling, rising)
 
 
@@ -77,12 +77,12 @@ def stop_bounds_until(motion: Motion, end: float) -> StopBounds:
         motion: The whole of it, to rest.
         end: Where another motion takes over, unless a change is under way [s], above 0.
     """
-    first = whole(end / _cell_length(motion))
+    first = whole(end / _choose_cell_length(motion))
     cells = whole(motion.duration / (end / first))
     longer = _prolong(motion, end / first * cells)
     tables = []
     for allowed in _find_slopes(longer, cells):
-        table = _table(allowed, longer.duration)
+        table = _choose_shapes(allowed, longer.duration)
         reach = np.minimum(table.until, motion.duration)
         tables.append(RateTable(table.slope[:first], table.bend[:first], reach[:first]))
     return StopBounds(end, *tables)
@@ -96,13 +96,13 @@ def _prolong(motion: Motion, duration: float) -> Motion:
     return Motion(motion.path, Profile.join([profile, Profile.rest(profile.end, seconds)]))
 
 
-def _cell_length(motion: Motion) -> float:
+def _choose_cell_length(motion: Motion) -> float:
     """Return how long a cell of path time lasts, at most [s]."""
-    least = _least_stop(motion) / _CELLS.per_stop
+    least = _estimate_stop(motion) / _CELLS.per_stop
     return max(_CELLS.shortest, motion.duration / _CELLS.most, least)
 
 
-def _least_stop(motion: Motion) -> float:
+def _estimate_stop(motion: Motion) -> float:
     """Return how long the fastest carriage alone would need to stop [s], about."""
     limits = motion.machine.stop_limits
     speeds = np.abs(motion.at(np.linspace(0.0, motion.duration, 101)).velocity)
@@ -122,14 +122,14 @@ def _find_slopes(motion: Motion, cells: int) -> FloatArray:
         for k, rho in enumerate(_SHAPES.tolist()):
             found = np.full((2, peaks.shape[2]), _CELLS.slope)
             levels = _LEVELS[1:], share[k]
-            largest_slopes(peaks, (limits, _CELLS.reserve * limits), levels, rho, found)
+            find_largest_slopes(peaks, (limits, _CELLS.reserve * limits), levels, rho, found)
             both[:, k, part] = found
     return both
 
 
-def _table(allowed: FloatArray, duration: float) -> RateTable:
+def _choose_shapes(allowed: FloatArray, duration: float) -> RateTable:
     """Choose for each cell the shape with the quickest change."""
-    slope, until = _through_windows(allowed, duration)
+    slope, until = _allow_in_windows(allowed, duration)
     best = first_least((1.0 + _SHAPES[:, None]) / slope)
     columns = np.arange(best.size)
     chosen = slope[best, columns]
@@ -158,7 +158,7 @@ def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     return np.maximum(peaks, 0.0)
 
 
-def _through_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
+def _allow_in_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
     """Return for each shape and cell the R1 that its whole window allows, and the window's end.
 
     The window of R1 is as long as the way of a stop in path time. It grows cell by cell, and R1
@@ -167,7 +167,7 @@ def _through_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, 
     cells = largest.shape[1]
     cell = duration / cells
     found = [
-        windows(row, 0.5 * (1.0 + rho) / cell)
+        find_windows(row, 0.5 * (1.0 + rho) / cell)
         for row, rho in zip(largest, _SHAPES.tolist(), strict=True)
     ]
     slope, last = (np.stack(column) for column in zip(*found, strict=True))

@@ -20,7 +20,7 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import CarriageLimits
 from duoglide.motion.path.rounded import SpeedCap
-from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, knots_of_jerks
+from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, integrate_jerks
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem
 from duoglide.planning.timing.timed_curve import SigmaCap, TimedCurve
 from duoglide.planning.tolerances import ALIKE, ROUNDING
@@ -170,7 +170,7 @@ class Lead:
         last = times > ROUNDING * times.sum()
         phases = zip(jerks[last].tolist(), times[last].tolist(), strict=True)
         state = (start, self.speed, self.acceleration)
-        return _profile_if_forward(knots_of_jerks(state, phases, start + length))
+        return _profile_if_forward(integrate_jerks(state, phases, start + length))
 
 
 def continue_known(known: Profile, problem: RetimingProblem) -> Retiming:

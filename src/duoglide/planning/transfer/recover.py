@@ -30,10 +30,10 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.planning.compare import first_least
-from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.trajectory import Trajectory
 from duoglide.planning.transfer.certificate import keeps
-from duoglide.planning.transfer.rest_to_rest import rest_to_rest
+from duoglide.planning.transfer.rest_to_rest import plan_rest_to_rest
 
 CREEP = 20.0  # mm/s
 RESERVE = 1.0  # mm that the way out ends beyond every bound, if there is so much
@@ -96,32 +96,32 @@ def recover(machine: Machine, carriages: ArrayLike, speed: float = CREEP) -> Tra
     corners = [start]
     while not _is_legal(machine, corners[-1]):
         if len(corners) > _WAY.legs:
-            raise _no_way(machine, start)
-        corners.append(_next_corner(machine, corners[-1]))
-    return _trajectory(machine, corners, creep)
+            raise _refuse_way(machine, start)
+        corners.append(_find_next_corner(machine, corners[-1]))
+    return _join_corners(machine, corners, creep)
 
 
 def _is_legal(machine: Machine, carriages: FloatArray) -> bool:
     return bool(room(machine, carriages[None]).least()[0] > TOUCHING)
 
 
-def _next_corner(machine: Machine, here: FloatArray) -> FloatArray:
+def _find_next_corner(machine: Machine, here: FloatArray) -> FloatArray:
     """Return where the best leg from ``here`` ends: legal if one is, else as far as it is good."""
     best, gain = here, 0.0
     before = float(room(machine, here[None]).least()[0])
-    for target in _targets(machine, here):
-        end, margin = _way_toward(machine, here, target)
+    for target in _list_targets(machine, here):
+        end, margin = _find_way_toward(machine, here, target)
         better = margin > 0.0 >= before + gain or margin - before > gain + _WAY.loss
         if better and _is_certain(machine, here, end):
             best, gain = end, margin - before
             if margin > 0.0:
                 break
     if gain <= _WAY.loss:
-        raise _no_way(machine, here)
+        raise _refuse_way(machine, here)
     return best
 
 
-def _targets(machine: Machine, here: FloatArray) -> list[FloatArray]:
+def _list_targets(machine: Machine, here: FloatArray) -> list[FloatArray]:
     """List where legs may lead: along the rails, straight away from the surface, home."""
     g = machine.geometry
     over = np.maximum(np.abs(here) + RESERVE - g.rail_half_length, 0.0) * np.sign(here)
@@ -135,20 +135,22 @@ def _targets(machine: Machine, here: FloatArray) -> list[FloatArray]:
     return [*targets, *inverse(g, points[reachable(g, points)]), home_carriages(machine)]
 
 
-def _way_toward(
+def _find_way_toward(
     machine: Machine, start: FloatArray, target: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Do what ``_good_part`` does, ever more finely, until its answer stays."""
-    end, margin = _good_part(machine, start, target)
+    """Do what ``_measure_good_part`` does, ever more finely, until its answer stays."""
+    end, margin = _measure_good_part(machine, start, target)
     for _ in range(_WAY.looks):
         before = end
-        end, margin = _good_part(machine, start, before)
+        end, margin = _measure_good_part(machine, start, before)
         if np.array_equal(end, before):
             break
     return end, margin
 
 
-def _good_part(machine: Machine, start: FloatArray, target: FloatArray) -> tuple[FloatArray, float]:
+def _measure_good_part(
+    machine: Machine, start: FloatArray, target: FloatArray
+) -> tuple[FloatArray, float]:
     """Return how far toward ``target`` one may go, and the least margin there.
 
     A leg is good as long as no margin falls that is too small, and none becomes too small. It ends
@@ -178,7 +180,7 @@ def _is_certain(machine: Machine, start: FloatArray, end: FloatArray) -> bool:
     return keeps(machine, start, end, (clear, apart, free))
 
 
-def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Trajectory:
+def _join_corners(machine: Machine, corners: list[FloatArray], speed: float) -> Trajectory:
     """Go from corner to corner, at rest in each."""
     limits = CarriageLimits(
         velocity=np.minimum(machine.limits.velocity, speed),
@@ -187,7 +189,7 @@ def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Tr
     )
     breaks, tables = [np.zeros(1)], []
     for start, end in pairwise(corners):
-        times, table = rest_to_rest(start, end, limits, ruckig.Synchronization.Phase)
+        times, table = plan_rest_to_rest(start, end, limits, ruckig.Synchronization.Phase)
         breaks.append(breaks[-1][-1] + times[1:])
         tables.append(table)
     if not tables:
@@ -198,10 +200,10 @@ def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Tr
     path = TransferPath(machine, np.concatenate(breaks), np.concatenate(tables), least)
     report = TimingReport(method=TimingMethod.TRANSFER, reason="recovery at creep speed")
     motion = Motion(path, Profile.steady(path.duration), report=report)
-    return Trajectory.of(motion, stop_bounds(motion))
+    return Trajectory.of(motion, certify_stops(motion))
 
 
-def _no_way(machine: Machine, here: FloatArray) -> PathError:
+def _refuse_way(machine: Machine, here: FloatArray) -> PathError:
     _, quantity, amount = room(machine, here[None]).worst()
     return PathError(
         f"no way out of carriages at {show(here)} mm on which {quantity}, {-amount:.6g} mm too"
