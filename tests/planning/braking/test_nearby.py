@@ -33,7 +33,8 @@ def random_machine(rng: np.random.Generator) -> dg.Machine:
     scaled |= {name: rng.uniform(-10, 10) for name in ("riser_height", "arm_drop", "strut_drop")}
     same = bool(rng.integers(2))
     deceleration = (6e4,) * 3 if same else tuple(rng.uniform(2e4, 1.2e5, 3).tolist())
-    machine = dg.Machine(geometry=dg.Geometry(**scaled), carriage_margin=0.0)
+    margin = float(rng.choice([0.0, 1.0, 4.0]))
+    machine = dg.Machine(geometry=dg.Geometry(**scaled), carriage_margin=margin)
     drives = replace(machine.drives, quick_stop_deceleration=deceleration)
     box = dg.Box(low=(-30, -30, 200), high=(-10, 10, 230))
     return replace(machine, drives=drives, keep_out=(box,) if rng.integers(2) else ())

@@ -34,7 +34,7 @@ class _Cells(NamedTuple):
     finest: float = 1.0 / 16.0
     usual: float = 1.0 / 8.0
     passed: float = 1.0
-    still: float = 0.02
+    still: float = 0.0005
     halvings: int = 6
     tiles: int = 1000
 
@@ -80,6 +80,8 @@ class Footprint:
         machine: Whose carriages.
         smin: Least S in each column of D of each block [mm], shape (n, k); inf where none is.
         smax: Largest S, likewise; -inf where none is.
+        left: Least D in each column, inf where none is.
+        right: Largest D, likewise; -inf where none is.
         farthest: How far a carriage may be from the middle of its rail [mm], shape (n,).
         nearest: Least D [mm], shape (n,); -inf where the links cannot reach.
     """
@@ -87,6 +89,8 @@ class Footprint:
     machine: Machine
     smin: FloatArray
     smax: FloatArray
+    left: FloatArray
+    right: FloatArray
     farthest: FloatArray
     nearest: FloatArray
 
@@ -95,8 +99,15 @@ class Footprint:
         """Return a footprint of blocks in which nothing is yet."""
         columns = int(np.ceil(4.0 * machine.geometry.leg_length / column_width(machine)))
         shape = count, columns
-        ends = np.full(count, -np.inf), np.full(count, np.inf)
-        return cls(machine, np.full(shape, np.inf), np.full(shape, -np.inf), *ends)
+        return cls(
+            machine,
+            smin=np.full(shape, np.inf),
+            smax=np.full(shape, -np.inf),
+            left=np.full(shape, np.inf),
+            right=np.full(shape, -np.inf),
+            farthest=np.full(count, -np.inf),
+            nearest=np.full(count, np.inf),
+        )
 
     def __len__(self) -> int:
         return len(self.nearest)
@@ -119,12 +130,14 @@ class Footprint:
 
     def merged(self) -> Footprint:
         """Return the footprint of all blocks in one."""
-        ends = self.farthest.max(keepdims=True), self.nearest.min(keepdims=True)
         return Footprint(
             self.machine,
             self.smin.min(axis=0, keepdims=True),
             self.smax.max(axis=0, keepdims=True),
-            *ends,
+            self.left.min(axis=0, keepdims=True),
+            self.right.max(axis=0, keepdims=True),
+            self.farthest.max(keepdims=True),
+            self.nearest.min(keepdims=True),
         )
 
 
@@ -249,7 +262,7 @@ class Blocks:
         out = Footprint.empty(machine, len(self))
         boxes = np.full((len(self), with_boxes * PARTS * int(rows.max()), 3, 2), np.nan)
         columns = lowest_column(machine), column_width(machine)
-        arrays = out.smin, out.smax, out.farthest, out.nearest, boxes
+        arrays = out.smin, out.smax, out.left, out.right, out.farthest, out.nearest, boxes
         spread((first, step, rows), plan, tuple(brakes), columns, arrays)
         return out, boxes
 

@@ -33,7 +33,8 @@ class _Caps(NamedTuple):
         tighter: Share of a cap that each round keeps which did not suffice.
         slowest: Share of the speed below which no cap is looked for.
         halvings: Of the ratio of speeds in the search for a cap: to 5 % of it.
-        longest: Times the duration of the draft: beyond that a plan nearly stands still.
+        least_speed: Of the platform on average [mm/s]: a plan that must be slower is refused.
+        longest: Times the duration of the draft, which it may take however short its way is.
         slower: First factor by which the whole is stretched; each next one is its square.
         stretches: At most: by 1.1, 1.1^2, 1.1^4 and so on, 1.1^255 in all.
     """
@@ -44,7 +45,8 @@ class _Caps(NamedTuple):
     tighter: float = 0.97
     slowest: float = 0.002
     halvings: int = 7
-    longest: float = 1000.0
+    least_speed: float = 10.0
+    longest: float = 20.0
     slower: float = 1.1
     stretches: int = 8
 
@@ -66,9 +68,10 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
         braking, for certain.
 
     Raises:
-        PathError: No speed is certain to be safe.
+        PathError: No speed is certain to be safe that is worth having.
     """
     motion, report = draft, brake_report(draft)
+    longest = max(_CAPS.longest * draft.duration, _way_of(draft) / _CAPS.least_speed)
     sigma, cap = np.zeros(1), np.full(1, NO_CAP)
     slowest = _CAPS.slowest * draft.path.length / max(draft.duration, 1e-9)
     for round_ in range(_CAPS.rounds):
@@ -79,10 +82,10 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
         sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
         motion = retime(sigma, cap)
         report = brake_report(motion)
-        if motion.duration > _CAPS.longest * draft.duration:
+        if motion.duration > longest:
             break
     if not report.safe:
-        motion, report = _slow_down(motion, report, _CAPS.longest * draft.duration)
+        motion, report = _slow_down(motion, report, longest)
     cost = draft.duration if motion is not draft else 0.0
     told = replace(
         motion.report,
@@ -139,7 +142,7 @@ def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Mot
     """Stretch the whole of a motion in time until it is brake-safe, or takes ``longest`` [s].
 
     Raises:
-        PathError: It never is: its path leaves less than bounds can tell from nothing.
+        PathError: It never is: its path leaves hardly more than what must be kept.
     """
     rates = safe_rates(motion, report.unsafe) if len(report.unsafe) else np.ones(1)
     good = 1.0 / float(rates.min())
@@ -158,12 +161,19 @@ def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Mot
             slow, report = (less, told) if told.safe else (slow, report)
         return slow, report
     raise PathError(
-        f"no speed was found at which the drives may brake by themselves, each within"
-        f" {motion.machine.reaction_cycles} cycles of the first: {_lacking(report)}",
+        f"no speed above {_CAPS.least_speed:g} mm/s was found at which the drives may brake by"
+        f" themselves, each within {motion.machine.reaction_cycles} cycles of the first:"
+        f" {_lacking(report)}",
         position=report.position,
         quantity=report.quantity,
         amount=-report.room,
     )
+
+
+def _way_of(motion: Motion) -> float:
+    """Return how far the platform goes [mm], about."""
+    places = motion.position_at(np.linspace(0.0, motion.duration, 257))
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=-1).sum())
 
 
 def _lacking(report: BrakeReport) -> str:
