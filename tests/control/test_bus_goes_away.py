@@ -16,8 +16,8 @@ import pytest
 import duoglide as dg
 from duoglide.control.channel.events import Condition
 from duoglide.control.host.connection import bring_up, open_axes
-from duoglide.drives.network import open_network
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.bus.network import open_network
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 
 MACHINE = dg.Machine.default()
@@ -64,6 +64,8 @@ class Relay:
             if key.fileobj is self._listener:
                 client, _ = self._listener.accept()
                 hub = socket.create_connection(("127.0.0.1", self._upstream))
+                for end in (client, hub):
+                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._ends += [client, hub]
                 self._selector.register(client, selectors.EVENT_READ, hub)
                 self._selector.register(hub, selectors.EVENT_READ, client)
@@ -144,8 +146,8 @@ def test_a_hub_that_is_killed_is_named_in_whatever_is_done_next(
             robot.enable()
             robot.home()
         if state == "running":
-            here = dg.forward(MACHINE.geometry, robot.held)
-            run = robot.start(dg.transfer(MACHINE, here, here + (0.0, 60.0, 0.0)), override=0.1)
+            x, y, z = dg.forward(MACHINE.geometry, robot.held)
+            run = robot.start(dg.transfer(MACHINE, (x, y, z), (x, y + 60.0, z)), override=0.1)
             while not run.status.path_time:
                 time.sleep(0.001)
         os.kill(drives.pid, signal.SIGKILL)

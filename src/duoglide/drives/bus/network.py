@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 import can
 import canopen
 
-from duoglide.drives.buses import open_bus
+from duoglide.drives.bus.buses import open_bus
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY
 from duoglide.errors import BusError
 
