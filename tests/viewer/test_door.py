@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import http.client
+import logging
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -117,6 +119,51 @@ def test_foreign_hosts_and_origins_are_refused(
     assert get(page, home, **headers)[0] == status
     assert get(page, home + "stop", Duoglide_Order="stop", **headers)[0] == status
     assert len(robot.stops) == before
+
+
+def say(page: Page, text: str) -> str:
+    """Send a request as it is written and return the first line of the answer; empty for none."""
+    host, home = parts(page)
+    name, port = host.split(":")
+    with socket.create_connection((name, int(port)), timeout=60.0) as connection:
+        request = text.replace("HOST", host).replace("HOME", home).replace("\n", "\r\n")
+        connection.sendall(request.encode("latin-1") + b"\r\n\r\n")
+        with connection.makefile("rb") as answer:
+            try:
+                return answer.readline().decode()[9:12]
+            except ConnectionResetError:
+                return ""
+
+
+@pytest.mark.parametrize(
+    ("request_", "answer"),
+    [
+        ("GET HOME HTTP/1.1\nHost: HOST\nHost: evil.example", "400"),
+        ("GET HOME HTTP/1.1\nHost: HOST\nOrigin: http://HOST\nOrigin: http://evil.example", "400"),
+        ("GET HOME HTTP/1.1\nHost: HOST\nUpgrade: websocket\nUpgrade: x", "400"),
+        ("GET HOMEstop HTTP/1.1\nHost: HOST\nDuoglide-Order: stop\nDuoglide-Order: stop", "403"),
+        ("GET HOMEstop HTTP/1.1\nHost: HOST\nDuoglide-Order: halt", "403"),
+        ("POST HOMEstop HTTP/1.1\nHost: HOST\nDuoglide-Order: stop", ""),
+        ("GET HOME HTTP/1.1", "421"),
+        ("GET HOME HTTP/1.1\nHost: evil.example@HOST", "421"),
+        ("GET HOME HTTP/1.1\nHost: \xff", "421"),
+        ("GET HOME HTTP/1.1\nHost: [::1", "421"),
+        ("GET /\xe9/ HTTP/1.1\nHost: HOST", "403"),
+        ("GET http://HOSTHOME HTTP/1.1\nHost: HOST", "403"),
+        ("GET HOME..%2f..%2fetc%2fpasswd HTTP/1.1\nHost: HOST", "404"),
+        ("\x16\x03\x01 nonsense", ""),
+        (f"GET /{'a' * 9000}/ HTTP/1.1\nHost: HOST", ""),
+    ],
+)
+def test_nonsense_is_answered_as_such_and_written_nowhere(
+    page: Page, robot: Robot, request_: str, answer: str, *, caplog: Any, capfd: Any
+) -> None:
+    before = len(robot.stops)
+    with caplog.at_level(logging.DEBUG):
+        assert say(page, request_) == answer
+    assert len(robot.stops) == before
+    assert page._door.gate.token not in caplog.text
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_tunnel_to_another_port_is_let_in() -> None:
