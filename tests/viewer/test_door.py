@@ -104,6 +104,7 @@ def test_the_address_that_is_printed_is_served_with_its_own_stop(page: Page) -> 
         ({"Host": "evil.example"}, 421),  # a name that was pointed at this computer
         ({"Host": "evil.example:8080"}, 421),
         ({"Host": "127.0.0.1.evil.example"}, 421),
+        ({"Host": "127.0.0.1:80.evil.example"}, 421),
         ({"Host": "192.168.0.9"}, 421),  # served on the loopback only
         ({"Host": ""}, 421),
         ({"Origin": "http://evil.example"}, 403),
@@ -264,6 +265,22 @@ def test_a_watcher_that_hammers_is_told_once_a_second() -> None:
     now[0] = 1.0
     assert not owner.admits(1, order)
     assert told == [1, 1]
+
+
+def test_a_value_that_is_none_is_told_and_raises_nowhere() -> None:
+    async def handle(page: int, message: Any) -> None:
+        raise ValueError("cannot convert float NaN to integer")
+
+    told: list[str] = []
+    inner = SimpleNamespace(_handle_incoming_message=handle)
+    server = SimpleNamespace(
+        _websock_server=inner, on_client_connect=print, on_client_disconnect=print
+    )
+    owner = Owner(lambda _, reason: told.append(reason), clock=lambda: 0.0)
+    owner.guard(server)
+    owner.come(0)
+    asyncio.run(inner._handle_incoming_message(0, message("GuiUpdateMessage")))
+    assert told == ["That is not understood: cannot convert float NaN to integer"]
 
 
 def test_a_page_that_hammers_is_read_no_faster_than_anybody_clicks() -> None:

@@ -127,7 +127,7 @@ class Gate:
         """Tell whether a Host header names this computer and not a domain that points to it."""
         try:
             parts = urlsplit(f"//{host}")
-            name = parts.hostname or ""
+            name, _ = parts.hostname or "", parts.port  # a port that is none raises too
         except ValueError:
             return False
         if parts.username is not None:  # no browser says who asks
