@@ -258,7 +258,8 @@ class _Search:
     def look(self, low: FloatArray, high: FloatArray) -> None:
         """Cut cells until none can hide more than a little beyond what was seen."""
         profile = self._motion.profile
-        row = np.searchsorted(profile.knots[1:-1, TIME], 0.5 * (low + high), side="right")
+        # Not by the middle: between two knots one rounding apart it is one of them.
+        row = np.searchsorted(profile.knots[1:-1, TIME], low, side="right")
         begin = profile.knots[row, TIME]
         low, high = low - begin, high - begin
         middle = evaluate(profile.polynomials[row], 0.5 * (low + high))[:, 0]

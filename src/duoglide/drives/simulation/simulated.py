@@ -9,6 +9,7 @@ from __future__ import annotations
 import multiprocessing
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -53,6 +54,7 @@ class SimulatedDrives:
         parse_bus(bus)
         self._job = Job(settings, tuple(map(float, positions)), bus, plants, standstill)
         self._address = ""
+        self._one_at_a_time = threading.Lock()  # an answer is for who has asked
 
     def __enter__(self) -> SimulatedDrives:
         self._pipe, theirs = multiprocessing.Pipe()
@@ -91,8 +93,7 @@ class SimulatedDrives:
         Raises:
             DriveTimeout: The process does not answer.
         """
-        self._pipe.send(injection)
-        self._answer(_ANSWER_PATIENCE)
+        self._ask(injection)
 
     def snapshot(self) -> tuple[DriveSnapshot, ...]:
         """Return what the drives really do, past the bus.
@@ -100,9 +101,16 @@ class SimulatedDrives:
         Raises:
             DriveTimeout: The process does not answer.
         """
-        self._pipe.send("snapshot")
-        answer: tuple[DriveSnapshot, ...] = self._answer(_ANSWER_PATIENCE)  # type: ignore[assignment]
+        answer: tuple[DriveSnapshot, ...] = self._ask("snapshot")  # type: ignore[assignment]
         return answer
+
+    def _ask(self, what: object) -> object:
+        with self._one_at_a_time:
+            try:
+                self._pipe.send(what)
+            except OSError:
+                raise BusError("the process of the simulated drives has ended") from None
+            return self._answer(_ANSWER_PATIENCE)
 
     def _answer(self, patience: float) -> object:
         try:
