@@ -21,7 +21,14 @@ from duoglide.drives.cia402 import (
     decode,
     emergency_words,
 )
-from duoglide.drives.configure import Identity, configure, identify, wait_for_boot
+from duoglide.drives.configure import (
+    Identity,
+    Refusals,
+    configure,
+    identify,
+    list_homing,
+    wait_for_boot,
+)
 from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.scale import RateUnits
 from duoglide.drives.sdo_client import SdoRefusalError
@@ -90,7 +97,7 @@ class Axis(DriveObjects):
         """
         if self.read_state() in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
             self.go_to(State.SWITCH_ON_DISABLED)  # somebody left it under power
-        configure(self, self.units, travel, speed)
+        configure(self, lambda: self.units, travel, speed)
 
     # -- what it says -------------------------------------------------------------------------
 
@@ -127,7 +134,14 @@ class Axis(DriveObjects):
         index = self.quirks.homed_object
         if not index and self.has(_SIMULATED_HOMED) and self.simulated:
             index = _SIMULATED_HOMED
-        return int.from_bytes(self.read_bytes(index, 0), "little") == 1 if index else None
+        if not index:
+            return None
+        try:
+            return int.from_bytes(self.read_bytes(index, 0), "little") == 1
+        except SdoRefusalError as refusal:
+            raise self.error(
+                f"0x{index:04X} cannot be read: drives.quirks homed_object = 0 goes without it"
+            ) from refusal
 
     def read_identity(self, sub: int) -> int:
         """Return a field of 0x1018; 0 where the drive does not have it."""
@@ -236,17 +250,15 @@ class Axis(DriveObjects):
         Args:
             position: Where the carriage is once homing ends [mm]. Method 37: where it stands.
         """
-        homing = self.settings.homing
-        self.write_checked(0x6098, 0, homing.method[self.number - 1])
-        offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
-        self._write_home(offset)
-        for index, sub, value in (
-            (0x6099, 1, self.units.speed(homing.search_speed)),
-            (0x6099, 2, self.units.speed(homing.creep_speed)),
-            (0x609A, 0, self.units.ramp(homing.acceleration)),
-        ):
+        refusals = Refusals(self)
+        for index, sub, value in list_homing(self, self.units):
             if self.has(index):
-                self.write_checked(index, sub, value)
+                with refusals.collected():
+                    self.write_checked(index, sub, value)
+        offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
+        with refusals.collected():
+            self._write_home(offset)
+        refusals.raise_them()
         self.set_mode(Mode.HOMING)
 
     def start_homing(self, position: float) -> None:
@@ -268,7 +280,7 @@ class Axis(DriveObjects):
         self.write_bytes(index, sub, data)
         if (kept := self.read_bytes(index, sub)) != data:
             value = int.from_bytes(kept, "little", signed=True)
-            raise self.error(f"0x{index:04X}:{sub} was written as {position} but reads {value}")
+            raise self.mismatch(index, sub, position, value)
 
     def homing_done(self) -> bool:
         """Whether the drive has found its reference and stands.
@@ -299,7 +311,10 @@ class Axis(DriveObjects):
         self.set_mode(Mode.CYCLIC_SYNCHRONOUS_POSITION)
         says = self.read_position()
         if abs(says - position) > self.settings.following_error_window:
+            sign = self.quirks.home_offset_sign
+            opposite = abs(says + position) <= self.settings.following_error_window
+            answer = f"home_offset_sign = {-sign}" if opposite else "home_object may be another one"
             raise self.error(
                 f"says {says:.3f} mm after homing, should say {position:.3f} mm;"
-                " drives.quirks home_offset_sign or home_object may be wrong"
+                f" drives.quirks {answer}"
             )
