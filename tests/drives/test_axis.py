@@ -9,13 +9,13 @@ import canopen
 import pytest
 from drive_power import disable, enable, reset_fault
 
-from duoglide.drives.axis import Axis
-from duoglide.drives.buses import frame_sender
+from duoglide.drives.axis.axis import Axis
+from duoglide.drives.axis.configure import interpolation_time
+from duoglide.drives.bus.buses import frame_sender
 from duoglide.drives.cia402 import Control, Mode, State
-from duoglide.drives.configure import interpolation_time
 from duoglide.drives.pdo import RPDO1, SETPOINT, SYNC
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.errors import ConfigError, DriveError, DriveFault, DriveTimeout
 from duoglide.machine import DriveSettings, Homing, Quirks
 
@@ -157,7 +157,9 @@ def test_a_drive_that_counts_syncs_is_told_not_to(axis: Axis) -> None:
 
 
 def test_a_value_that_the_drive_changes_is_noticed(drives: SimulatedDrives, axis: Axis) -> None:
-    with pytest.raises(DriveError, match="0x6065:0: was written as 15000 but reads 1234.*absent = .0x6065"):
+    with pytest.raises(
+        DriveError, match="0x6065:0: was written as 15000 but reads 1234.*absent = .0x6065"
+    ):
         original = axis.read
         axis.read = lambda index, sub=0, timeout=None: (  # type: ignore[method-assign]
             1234 if index == 0x6065 else original(index, sub, timeout)

@@ -6,8 +6,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from duoglide.drives import pdo
-from duoglide.drives.drive_objects import DriveObjects
-from duoglide.drives.sdo_client import SdoRefusalError
+from duoglide.drives.axis.objects import DriveObjects
+from duoglide.drives.axis.sdo_client import SdoRefusalError
 from duoglide.errors import DriveError, DriveTimeout
 
 INVALID = 1 << 31  # of a PDO's COB-ID

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 import warnings
 
+from duoglide.drives.axis.pdo_maps import PDO_MAPS
 from duoglide.drives.pdo import SYNCHRONOUS
-from duoglide.drives.pdo_maps import PDO_MAPS
 from duoglide.errors import ConfigError, DuoglideWarning
 from duoglide.machine import DriveSettings
 

@@ -14,11 +14,17 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from duoglide.drives import pdo
+from duoglide.drives.axis.objects import DriveObjects
+from duoglide.drives.axis.pdo_maps import (
+    OTHER_RPDOS,
+    OTHER_TPDOS,
+    PDO_MAPS,
+    map_pdo,
+    switch_off_pdo,
+)
+from duoglide.drives.axis.sdo_client import ObjectError, SdoRefusalError
 from duoglide.drives.cia402 import METHODS_HERE, Mode
-from duoglide.drives.drive_objects import DriveObjects
-from duoglide.drives.pdo_maps import OTHER_RPDOS, OTHER_TPDOS, PDO_MAPS, map_pdo, switch_off_pdo
 from duoglide.drives.scale import RateUnits
-from duoglide.drives.sdo_client import ObjectError, SdoRefusalError
 from duoglide.errors import ConfigError, DriveError, DriveTimeout, DuoglideWarning
 from duoglide.machine.drive_contract import answer_to
 
