@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -160,11 +161,11 @@ class Axis(DriveObjects):
     def read_error_code(self) -> int:
         """Return the code of the fault, 0x603F or the newest of 0x1003; 0 where neither says it."""
         if self.has(0x603F):
-            return self.read(0x603F)
-        try:
+            with suppress(SdoRefusalError):  # not worth a refusal: it only names what is known
+                return self.read(0x603F)
+        with suppress(SdoRefusalError):
             return self.read(0x1003, 1) & 0xFFFF
-        except SdoRefusalError:
-            return 0
+        return 0
 
     def fault(self) -> DriveFault:
         """Make the error for the fault that the drive is in."""
@@ -189,11 +190,12 @@ class Axis(DriveObjects):
 
     def describe(self) -> AxisReport:
         """Ask the drive what it is and how it is; changes nothing."""
+        identity = self.identify()
         code = self.read_error_code()
         return AxisReport(
             axis=self.number,
             node_id=self.node_id,
-            identity=self.identify(),
+            identity=identity,
             state=self.read_state(),
             error=emergency_words(code) if code else "",
             position=self.read_position(),
