@@ -227,6 +227,7 @@ def _trail_rule(machine: Machine, index: int) -> TrailRule:
         departure=scale.magnitude(DEPARTURE),
         goal=scale.magnitude(drives.goal_tolerance),
         mm=abs(scale.to_mm(1)),
+        tells=drives.quirks[index].follows_bit,
     )
 
 
