@@ -31,7 +31,9 @@ def next_command(
 def _next_verb(error: BaseException, moved: bool) -> tuple[str, ...] | None:
     if isinstance(error, NotHomedError):
         return "home", "--home-here"
-    if isinstance(error, DriveFault | FollowingError) or getattr(error, "code", 0):
+    if isinstance(error, DriveFault | FollowingError) or (
+        isinstance(error, DriveError) and error.code
+    ):
         return ("reset",)
     if isinstance(error, BusError):
         return ("doctor",)
