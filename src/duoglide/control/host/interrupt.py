@@ -91,18 +91,20 @@ class Ultimatum:
         self._orders = 0
         self._firm = False
 
-    def begin(self, handler: Handler, now: float, orders: int) -> None:
+    def begin(self, handler: Handler, now: float, orders: int, moving: bool) -> None:
         """Note a signal, and how many orders had been given; what is under way is not put off."""
         firm = handler is not signal.default_int_handler
+        if not (firm or moving):
+            return
         if self._since is None or firm > self._firm:
             self._since, self._orders, self._firm = now, orders, firm
 
-    def is_over(self, now: float, orders: int, moving: bool, powered: bool) -> bool:
+    def is_over(self, now: float, orders: int, powered: bool) -> bool:
         """Whether the program has had its time and has not begun to end; says so once."""
         if self._since is None or now - self._since < _GRACE:
             return False
         self._since = None
-        return powered and (self._firm or (moving and orders == self._orders))
+        return powered and (self._firm or orders == self._orders)
 
 
 def _means_the_end(handler: object) -> TypeGuard[Handler]:

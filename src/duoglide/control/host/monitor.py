@@ -170,12 +170,12 @@ class Monitor:
     def _insist_on_the_end(self, now: float) -> None:
         """Stop the machine of a program that was told to end, and is stuck."""
         orders = self._process.ring.orders
-        for handler in self._endings.take():
-            self._ultimatum.begin(handler, now, orders)
         entry = self._latest
         powered = entry is not None and entry.power not in (Power.SILENT, Power.OFF)
         moving = entry is not None and entry.state != RunState.NONE
-        if self._ultimatum.is_over(now, orders, moving, powered):
+        for handler in self._endings.take():
+            self._ultimatum.begin(handler, now, orders, moving)
+        if self._ultimatum.is_over(now, orders, powered):
             with suppress(BusError):  # the streamer may have gone, and the drives with it
                 self._process.order(Command.CLOSE)
             print(
