@@ -23,7 +23,7 @@ from duoglide.control.host.interrupt import (
     interrupting,
     undisturbed,
 )
-from duoglide.control.host.report import require_success
+from duoglide.control.host.run.report import require_success
 from duoglide.drives.simulation.faults import DeviceFault
 from duoglide.storage import EventKind, Topic, read_log
 
