@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from itertools import islice
 
 import duoglide as dg
-from duoglide.control.host.handle import RunHandle
+from duoglide.control.host.run.handle import RunHandle
 
 BELT, BOX = (-41, -100, 295), (-41, 100, 295)  # [mm]
 

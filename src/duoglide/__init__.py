@@ -13,8 +13,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from duoglide.control.host.report import RunReport as RunReport
     from duoglide.control.host.robot import Robot as Robot
+    from duoglide.control.host.run.report import RunReport as RunReport
     from duoglide.errors import BusError as BusError
     from duoglide.errors import ConfigError as ConfigError
     from duoglide.errors import DriveError as DriveError
@@ -74,7 +74,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "control.host.report": ("RunReport",),
+    "control.host.run.report": ("RunReport",),
     "control.host.robot": ("Robot",),
     "errors": (
         "BusError",

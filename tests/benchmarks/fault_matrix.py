@@ -30,10 +30,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from bus_proxy import Act, BusProxy, Frame, Spoiler, Way
 
 import duoglide as dg
-from duoglide.control.host.handle import RunHandle
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.control.host.run.handle import RunHandle
 from duoglide.drives.simulation import faults
 from duoglide.drives.simulation.faults import Injection
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import CycleRecord, EventKind, Log, Phase, Topic, read_log
 

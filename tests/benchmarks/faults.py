@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import duoglide as dg
-from duoglide.control.host.handle import RunHandle
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.control.host.run.handle import RunHandle
 from duoglide.drives.simulation.faults import (
     Clear,
     DeviceFault,
@@ -30,6 +29,7 @@ from duoglide.drives.simulation.faults import (
     Silence,
     Sto,
 )
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import CycleRecord, EventKind, Log, Phase, Topic, read_log
 

@@ -17,7 +17,7 @@ from duoglide.control.channel.orders import Command, Order, Power
 from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
 from duoglide.control.host.connection import describe_stream
-from duoglide.control.host.prepare import prepare
+from duoglide.control.host.run.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
 from duoglide.drives import pdo
 from duoglide.storage.records import Phase

@@ -19,7 +19,7 @@ import pytest
 import duoglide as dg
 from duoglide.cli.main import run
 from duoglide.drives import pdo
-from duoglide.drives.buses import open_bus
+from duoglide.drives.bus.buses import open_bus
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import EventKind, Topic, read_log
 from duoglide.viewer.join import JoinedRobot, find

@@ -15,7 +15,7 @@ from duoglide.control.channel.events import Condition, Happening
 from duoglide.control.channel.orders import Command, Order, Policy, Power, StreamSettings
 from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
-from duoglide.control.host.prepare import prepare
+from duoglide.control.host.run.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import Mode

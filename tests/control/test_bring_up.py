@@ -9,9 +9,9 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.host import drivetrain
-from duoglide.drives import listen
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.bus import listen
 from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 from duoglide.machine import DriveSettings
 

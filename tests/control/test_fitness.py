@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.host.fitness import machine_that_moves, require_fit
+from duoglide.control.host.run.fitness import machine_that_moves, require_fit
 from duoglide.motion.profile import Profile
 
 

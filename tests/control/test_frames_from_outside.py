@@ -9,7 +9,7 @@ from straight import Straight
 
 import duoglide as dg
 from duoglide.control.channel.events import Happening
-from duoglide.drives.socketcand import ERROR_FRAME, decode_received
+from duoglide.drives.bus.socketcand import ERROR_FRAME, decode_received
 
 START = np.array([-250.0, 100.0, -150.0])
 A_CYCLE = 4  # frames: a fifth of the bus at 1 Mbit/s

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from duoglide.control.host.history import History, HistoryTally
+from duoglide.control.host.run.history import History, HistoryTally
 
 SCALE = np.array([0.001, 0.002, 0.001])
 

@@ -16,7 +16,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.host.interrupt import endings_interrupt, interrupting, undisturbed
-from duoglide.control.host.report import require_success
+from duoglide.control.host.run.report import require_success
 from duoglide.drives.simulation.faults import DeviceFault
 from duoglide.storage import EventKind, Topic, read_log
 

@@ -20,8 +20,8 @@ import pytest
 
 import duoglide as dg
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation.rack import DriveSnapshot
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import LogWarning, Topic, read_log
 

@@ -16,7 +16,7 @@ import duoglide as dg
 from duoglide.control.channel.orders import pack_object, receive_object
 from duoglide.control.channel.ring import CycleEntry, EventEntry, Ring
 from duoglide.control.host.monitor import Monitor
-from duoglide.control.host.report import Tally
+from duoglide.control.host.run.report import Tally
 from duoglide.control.streamer.__main__ import receive_setpoints
 from duoglide.storage import Topic, read_log
 

@@ -9,8 +9,8 @@ import duoglide as dg
 from duoglide.control.channel.events import Condition, Happening, Reaction, Refusal, Trip
 from duoglide.control.channel.orders import Command
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.host.happenings import describe_event
-from duoglide.control.host.report import Lateness, RunReport, Tally, require_success
+from duoglide.control.host.run.happenings import describe_event
+from duoglide.control.host.run.report import Lateness, RunReport, Tally, require_success
 from duoglide.storage.records import EventKind
 
 NONE = ((0.0,) * 3,) * 3

@@ -17,10 +17,10 @@ import duoglide as dg
 from duoglide.control.channel.events import Condition, RunState
 from duoglide.control.channel.orders import Command
 from duoglide.control.host.commission import creep, describe_drives
-from duoglide.control.host.handle import RunHandle
+from duoglide.control.host.run.handle import RunHandle
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation.faults import Clear, DeviceFault, Reboot, Sto
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import Document, Phase, Topic, read_log
 

@@ -6,7 +6,7 @@ from typing import cast
 import pytest
 
 import duoglide as dg
-from duoglide.control.host.run_log import RunLog
+from duoglide.control.host.run.run_log import RunLog
 
 
 class Unwritable:

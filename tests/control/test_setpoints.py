@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import duoglide as dg
 from duoglide.control.channel.events import RunState
 from duoglide.control.channel.setpoints import Fence
-from duoglide.control.host.prepare import divide_into_cycles, prepare
+from duoglide.control.host.run.prepare import divide_into_cycles, prepare
 from duoglide.control.streamer.follower import Follower
 from duoglide.motion.path.actions import WaitInput
 from duoglide.storage.records import Phase

@@ -12,7 +12,7 @@ from straight import Straight
 
 import duoglide as dg
 from duoglide.control.channel.events import Condition, Happening
-from duoglide.control.host.conduct import ConductTally
+from duoglide.control.host.run.conduct import ConductTally
 from duoglide.drives.simulation.plant import PlantParameters
 
 WORDS = Struct("<Hi")

@@ -10,11 +10,11 @@ import canopen
 import pytest
 from drive_power import enable
 
-from duoglide.drives.axis import Axis
-from duoglide.drives.buses import open_bus
+from duoglide.drives.axis.axis import Axis
+from duoglide.drives.bus.buses import open_bus
 from duoglide.drives.pdo import Nmt
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.machine import DriveSettings
 
 POSITIONS = (-100.0, 0.0, 150.5)

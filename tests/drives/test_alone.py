@@ -8,10 +8,11 @@ from contextlib import contextmanager
 import can
 import pytest
 
-from duoglide.drives import listen, pdo
-from duoglide.drives.buses import open_bus
-from duoglide.drives.listen import require_alone
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives import pdo
+from duoglide.drives.bus import listen
+from duoglide.drives.bus.buses import open_bus
+from duoglide.drives.bus.listen import require_alone
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.errors import BusError
 from duoglide.machine import DriveSettings
 

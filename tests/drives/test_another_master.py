@@ -9,8 +9,8 @@ import canopen
 import pytest
 
 from duoglide.drives.linear_axis import eds_path
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.simulated import SimulatedDrives
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ import canopen
 import pytest
 from drive_power import disable, enable, reset_fault
 
-from duoglide.drives.axis import Axis
-from duoglide.drives.buses import frame_sender
+from duoglide.drives.axis.axis import Axis
+from duoglide.drives.axis.configure import interpolation_time
+from duoglide.drives.bus.buses import frame_sender
 from duoglide.drives.cia402 import Control, Mode, State
-from duoglide.drives.configure import interpolation_time
 from duoglide.drives.pdo import RPDO1, SETPOINT, SYNC
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.errors import ConfigError, DriveError, DriveFault, DriveTimeout
 from duoglide.machine import DriveSettings, Homing, Quirks
 

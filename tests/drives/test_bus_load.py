@@ -7,7 +7,7 @@ import warnings
 import pytest
 
 import duoglide as dg
-from duoglide.drives.bus_load import (
+from duoglide.drives.bus.load import (
     BusLoadWarning,
     bus_load,
     cycle_bits,

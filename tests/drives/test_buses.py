@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from duoglide.drives.buses import BusKind, BusName, frame_sender, open_bus, parse_bus
+from duoglide.drives.bus.buses import BusKind, BusName, frame_sender, open_bus, parse_bus
 from duoglide.errors import BusError
 
 

@@ -9,12 +9,12 @@ import can
 import pytest
 
 from duoglide.drives import pdo
-from duoglide.drives.axis import Axis
-from duoglide.drives.buses import open_bus
+from duoglide.drives.axis.axis import Axis
+from duoglide.drives.bus.buses import open_bus
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation.process import serve_drives
 from duoglide.drives.simulation.rack import build_rack
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.machine import DriveSettings
 
 RESET_ALL = bytes((pdo.Nmt.RESET_NODE, 0))

@@ -13,9 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from duoglide.drives.buses import open_bus, parse_bus
-from duoglide.drives.simulation.hub import Hub
-from duoglide.drives.socketcand import (
+from duoglide.drives.bus.buses import open_bus, parse_bus
+from duoglide.drives.bus.socketcand import (
     EXTENDED,
     MessageSplitter,
     SocketcandBus,
@@ -23,6 +22,7 @@ from duoglide.drives.socketcand import (
     encode_frame,
     encode_send,
 )
+from duoglide.drives.simulation.hub import Hub
 
 
 class Listener:

@@ -8,8 +8,8 @@ import can
 import pytest
 
 from duoglide.drives import pdo
-from duoglide.drives.buses import open_bus
-from duoglide.drives.listen import Overheard, listen
+from duoglide.drives.bus.buses import open_bus
+from duoglide.drives.bus.listen import Overheard, listen
 from duoglide.errors import BusError
 from duoglide.machine import DriveSettings
 

@@ -13,10 +13,10 @@ import pytest
 
 import duoglide as dg
 from duoglide.cli.main import run
-from duoglide.drives.axis import Axis
-from duoglide.drives.probe import Probed, probe
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.axis.axis import Axis
+from duoglide.drives.onboarding.probe import Probed, probe
 from duoglide.drives.simulation import faults
+from duoglide.drives.simulation.simulated import SimulatedDrives
 
 EDS = Path(__file__).parents[2] / "firmware_interface" / "linear_axis.eds"
 FOREIGN = Path(__file__).parents[3] / "shared" / "tools" / "foreign-drives"

@@ -9,7 +9,7 @@ from typing import Any
 import can
 import pytest
 
-from duoglide.drives.sdo_client import SdoClient, SdoRefusalError
+from duoglide.drives.axis.sdo_client import SdoClient, SdoRefusalError
 from duoglide.errors import BusError, DriveTimeout
 
 NODE = 5

@@ -15,19 +15,19 @@ import can.interfaces.virtual
 import pytest
 
 from duoglide.drives import pdo
-from duoglide.drives.buses import open_bus
+from duoglide.drives.bus.buses import open_bus
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulated import SimulatedDrives
 from duoglide.drives.simulation import faults, process
 from duoglide.drives.simulation.plant import PlantParameters
 from duoglide.drives.simulation.process import serve_drives
 from duoglide.drives.simulation.rack import build_rack
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.errors import BusError
 from duoglide.machine import DriveSettings, Homing
 
 PARENT = """
 import sys, time
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.machine import DriveSettings, Homing
 with SimulatedDrives(DriveSettings(), (0.0, 0.0, 0.0)) as drives:
     print(drives.pid, drives.address, flush=True)

@@ -12,8 +12,8 @@ import pytest
 from drive_power import disable, enable, reset_fault
 
 from duoglide.drives import pdo
-from duoglide.drives.axis import Axis
-from duoglide.drives.buses import frame_sender, open_bus
+from duoglide.drives.axis.axis import Axis
+from duoglide.drives.bus.buses import frame_sender, open_bus
 from duoglide.drives.cia402 import State
 from duoglide.drives.simulation import faults
 from duoglide.drives.simulation.hub import Hub

@@ -23,7 +23,7 @@ import pytest
 from damaged_logs import spoilt_value
 
 import duoglide as dg
-from duoglide.control.host.fitness import require_fit
+from duoglide.control.host.run.fitness import require_fit
 from duoglide.motion.pace import Pace
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.path_clock import ClockState, PathClock

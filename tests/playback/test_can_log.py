@@ -296,7 +296,7 @@ def test_nothing_is_sent_before_the_last_line_is_judged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     opened: list[str] = []
-    monkeypatch.setattr("duoglide.drives.buses.open_bus", opened.append)
+    monkeypatch.setattr("duoglide.drives.bus.buses.open_bus", opened.append)
     file = tmp_path / "frames.LOG"
     file.write_text("(1.0) can0 080#\n" * 1000 + "(1.0) can0 FFF#\n")
     assert run(["replay", str(file), "--bus", "inprocess:logs"]) == 1

@@ -11,8 +11,8 @@ from rewritten_logs import rewrite
 
 import duoglide as dg
 from duoglide.control.channel.setpoints import Fence
-from duoglide.control.host.fitness import require_fit
-from duoglide.control.host.prepare import prepare
+from duoglide.control.host.run.fitness import require_fit
+from duoglide.control.host.run.prepare import prepare
 from duoglide.motion.path.actions import WaitInput
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild

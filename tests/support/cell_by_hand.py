@@ -14,7 +14,7 @@ from duoglide.control.channel.orders import Command, Order, Power
 from duoglide.control.channel.ring import CycleEntry, EventEntry, Ring
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
 from duoglide.control.host.connection import describe_stream
-from duoglide.control.host.prepare import prepare
+from duoglide.control.host.run.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
 from duoglide.drives import pdo
 from duoglide.drives.simulation.plant import PlantParameters

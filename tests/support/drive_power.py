@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from duoglide.drives.axis import Axis
+from duoglide.drives.axis.axis import Axis
 from duoglide.drives.cia402 import Control, Mode, State
 from duoglide.errors import DriveTimeout
 

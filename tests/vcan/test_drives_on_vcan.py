@@ -18,10 +18,10 @@ import pytest
 from drive_power import disable, enable
 
 from duoglide.drives import pdo
-from duoglide.drives.axis import Axis
-from duoglide.drives.buses import frame_sender, open_bus
+from duoglide.drives.axis.axis import Axis
+from duoglide.drives.bus.buses import frame_sender, open_bus
 from duoglide.drives.cia402 import State
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.machine import DriveSettings
 
 BUS = "socketcan:vcan0"

@@ -22,7 +22,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.channel.events import Condition
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 
 T = TypeVar("T")

@@ -16,7 +16,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.channel.events import RunState
-from duoglide.control.host.handle import RunStatus
+from duoglide.control.host.run.handle import RunStatus
 from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot
 from duoglide.viewer.page import Page

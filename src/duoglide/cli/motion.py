@@ -10,8 +10,8 @@ from duoglide.cli.console import Failed, Stopped, progress, say, say_facts, say_
 from duoglide.errors import DriveError, DuoglideError
 
 if TYPE_CHECKING:
-    from duoglide.control.host.report import RunReport
     from duoglide.control.host.robot import Robot
+    from duoglide.control.host.run.report import RunReport
     from duoglide.planning.trajectory import Trajectory
 
 _LOOK = 0.1  # [s] between two looks how far it is
@@ -27,8 +27,8 @@ def run_with_progress(
         Failed: It did not come to its end.
         Stopped: It was interrupted, and stands.
     """
-    from duoglide.control.host.handle import stop_on_interrupt
-    from duoglide.control.host.report import require_success
+    from duoglide.control.host.run.handle import stop_on_interrupt
+    from duoglide.control.host.run.report import require_success
 
     handle = robot.start(trajectory, log=log, approach=approach, override=override)
     try:

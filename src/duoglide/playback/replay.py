@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import as_number
-from duoglide.control.host.fitness import machine_that_moves
+from duoglide.control.host.run.fitness import machine_that_moves
 from duoglide.errors import InputError, LogError
 from duoglide.playback.pace import slowed
 from duoglide.playback.rebuild import rebuild
@@ -16,7 +16,7 @@ from duoglide.storage import Document, read_log
 from duoglide.storage.paths import as_path
 
 if TYPE_CHECKING:
-    from duoglide.control.host.report import RunReport
+    from duoglide.control.host.run.report import RunReport
     from duoglide.machine import Machine
     from duoglide.planning.trajectory import Trajectory
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray, read_only
 from duoglide.control.channel.events import RunState
-from duoglide.control.host.handle import RunStatus
+from duoglide.control.host.run.handle import RunStatus
 from duoglide.drives.cia402 import State
 from duoglide.errors import BusError
 from duoglide.machine import Machine

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from duoglide.control.host.handle import RunHandle, RunStatus
 from duoglide.control.host.robot import Robot
+from duoglide.control.host.run.handle import RunHandle, RunStatus
 from duoglide.errors import InputError
 from duoglide.storage.paths import inside, numbered
 from duoglide.viewer.join import JoinedRobot, JoinedRun

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 from duoglide.errors import BusError, DuoglideError
 
 if TYPE_CHECKING:
-    from duoglide.control.host.handle import RunHandle
     from duoglide.control.host.robot import Robot
+    from duoglide.control.host.run.handle import RunHandle
 
 LONGEST = 1 << 20  # [bytes] of a request or an answer
 PATIENCE = 2.0  # [s]

@@ -21,7 +21,7 @@ from duoglide.cli.program import planning
 from duoglide.errors import BusError, DriveError
 
 if TYPE_CHECKING:
-    from duoglide.control.host.report import RunReport
+    from duoglide.control.host.run.report import RunReport
     from duoglide.machine import Machine
     from duoglide.motion.audit import Audit
     from duoglide.planning.trajectory import Trajectory

@@ -13,9 +13,9 @@ from duoglide.cli.console import complain, say, say_json, working
 from duoglide.cli.options import Bus, Json, MachineFile, load_machine
 
 if TYPE_CHECKING:
-    from duoglide.drives.probe import Probed
-    from duoglide.drives.simulated import SimulatedDrives
+    from duoglide.drives.onboarding.probe import Probed
     from duoglide.drives.simulation.scenario import Scenario
+    from duoglide.drives.simulation.simulated import SimulatedDrives
 
 _HELP = """\
 Run three simulated CiA 402 drives for somebody else to move; Ctrl-C or SIGTERM ends them.
@@ -76,8 +76,8 @@ def drives(
     if context.invoked_subcommand is not None:
         return
     described = load_machine(machine)
-    from duoglide.drives.simulated import SimulatedDrives
     from duoglide.drives.simulation.scenario import Scenario
+    from duoglide.drives.simulation.simulated import SimulatedDrives
     from duoglide.kinematics.home import home_carriages
 
     play = Scenario.from_dict({}) if scenario is None else Scenario.load(scenario)
@@ -109,7 +109,7 @@ def probe(
     """Read what the drives of a bus have of all that Duoglide asks for, without power."""
     described = load_machine(machine)
     from duoglide.control.host.commission import probe_dictionary, probe_drives
-    from duoglide.drives.probe_text import tables
+    from duoglide.drives.onboarding.probe_text import tables
 
     if eds is not None:
         found: tuple[Probed, ...] = (probe_dictionary(described, eds, node),)

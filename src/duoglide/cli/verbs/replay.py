@@ -113,8 +113,8 @@ def replay(
 def _play(file: Path, bus: str, channel: str | None, as_json: bool) -> None:
     if bus == "virtual":
         raise InputError("raw frames need a bus that others are on: --bus socketcan:IFACE or such")
-    from duoglide.drives.buses import open_bus
-    from duoglide.drives.listen import require_alone
+    from duoglide.drives.bus.buses import open_bus
+    from duoglide.drives.bus.listen import require_alone
     from duoglide.machine import DriveSettings
     from duoglide.playback.can_log import play, read_frames
 

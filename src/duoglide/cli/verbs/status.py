@@ -11,7 +11,7 @@ from duoglide.cli.options import Bus, Json, MachineFile, load_machine
 
 if TYPE_CHECKING:
     from duoglide.control.host.robot import Robot
-    from duoglide.drives.listen import Overheard
+    from duoglide.drives.bus.listen import Overheard
     from duoglide.machine import DriveSettings, Machine
 
 _HELP = """\
@@ -72,8 +72,8 @@ def _numbers(robot: Robot) -> dict[str, Any]:
 
 def _listen(machine: Machine, bus: str) -> Overheard | None:
     """Return what is heard of a bus that another host is on; None where one may connect."""
-    from duoglide.drives.buses import BusKind, parse_bus
-    from duoglide.drives.listen import listen
+    from duoglide.drives.bus.buses import BusKind, parse_bus
+    from duoglide.drives.bus.listen import listen
 
     if parse_bus(bus).kind is BusKind.VIRTUAL:
         return None

@@ -67,7 +67,7 @@ def stream(
     factor = override_factor(override)
     require_log(log, reads=(plan, machine), force=force)
     require_page(view)
-    from duoglide.control.host.fitness import machine_that_moves
+    from duoglide.control.host.run.fitness import machine_that_moves
     from duoglide.planning.trajectory import Trajectory
 
     trajectory = Trajectory.load(plan)

@@ -1,6 +1,6 @@
 """A trajectory prepared for the stream: every setpoint of the nominal grid, and what they keep to.
 
-The host prepares it once, outside the cycle (``host.prepare``). What reaches the streamer has
+The host prepares it once, outside the cycle (``host.run.prepare``). What reaches the streamer has
 passed every rule; the streamer applies the same ``Fence`` again to each setpoint that it sends,
 because an override takes path times that no grid foresaw.
 """

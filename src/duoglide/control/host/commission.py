@@ -10,13 +10,13 @@ import numpy as np
 
 from duoglide.arrays import AXES
 from duoglide.control.host.connection import open_axes
-from duoglide.drives.buses import BusKind, parse_bus
-from duoglide.drives.configure import await_answer, no_answer
-from duoglide.drives.dictionary_drive import DictionaryDrive
-from duoglide.drives.in_parallel import in_parallel
-from duoglide.drives.listen import require_alone
-from duoglide.drives.probe import Probed, probe, settings_for_node
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.axis.configure import await_answer, no_answer
+from duoglide.drives.axis.in_parallel import in_parallel
+from duoglide.drives.bus.buses import BusKind, parse_bus
+from duoglide.drives.bus.listen import require_alone
+from duoglide.drives.onboarding.dictionary_drive import DictionaryDrive
+from duoglide.drives.onboarding.probe import Probed, probe, settings_for_node
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.errors import DriveError, InputError
 from duoglide.kinematics.home import home_carriages
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from duoglide.control.channel.scale import Triple
     from duoglide.control.host.robot import Robot
-    from duoglide.drives.axis import AxisReport
+    from duoglide.drives.axis.axis import AxisReport
     from duoglide.machine import Machine
 
 CREEP = 0.02  # share of the planned speed

@@ -14,15 +14,15 @@ from duoglide.control.channel.orders import Assignment, Policy, StreamSettings, 
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.process import StreamerProcess
 from duoglide.drives import pdo
-from duoglide.drives.axis import Axis
-from duoglide.drives.bus_load import require_bus_load
-from duoglide.drives.buses import BusKind, open_bus, parse_bus
-from duoglide.drives.configure import await_answer, no_answer
-from duoglide.drives.in_parallel import in_parallel
-from duoglide.drives.listen import quiet_time, require_alone
+from duoglide.drives.axis.axis import Axis
+from duoglide.drives.axis.configure import await_answer, no_answer
+from duoglide.drives.axis.in_parallel import in_parallel
+from duoglide.drives.bus.buses import BusKind, open_bus, parse_bus
+from duoglide.drives.bus.listen import quiet_time, require_alone
+from duoglide.drives.bus.load import require_bus_load
 from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
 from duoglide.drives.scale import Scale
-from duoglide.drives.simulated import SimulatedDrives
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.errors import BusError, InputError
 from duoglide.kinematics.home import home_carriages
 from duoglide.machine import DriveSettings, Machine

@@ -19,7 +19,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from duoglide.drives.buses import BusKind, parse_bus
+from duoglide.drives.bus.buses import BusKind, parse_bus
 from duoglide.errors import BusError
 from duoglide.machine import Machine
 

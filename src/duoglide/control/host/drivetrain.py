@@ -15,9 +15,9 @@ from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
 from duoglide.control.host.connection import Connection, bring_up
 from duoglide.control.host.reference import PositionReference, look_at
-from duoglide.drives.axis import Axis, growing_pauses
+from duoglide.drives.axis.axis import Axis, growing_pauses
+from duoglide.drives.axis.in_parallel import in_parallel
 from duoglide.drives.cia402 import METHODS_HERE, Mode, State, decode
-from duoglide.drives.in_parallel import in_parallel
 from duoglide.errors import BusError, DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
 

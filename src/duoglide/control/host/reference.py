@@ -33,7 +33,7 @@ from duoglide.machine import Reference
 
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import CycleEntry, EventEntry
-    from duoglide.drives.axis import Axis
+    from duoglide.drives.axis.axis import Axis
     from duoglide.machine import Machine
 
 _STANDS = 1.0  # [mm] by which a machine without power may have settled while nobody looked

@@ -12,17 +12,17 @@ from duoglide.arrays import FloatArray, as_triples, read_only
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
 from duoglide.control.host.connection import Connection
 from duoglide.control.host.drivetrain import Drivetrain
-from duoglide.control.host.fitness import measure_limit_use, require_fit
-from duoglide.control.host.handle import (
+from duoglide.control.host.interrupt import undisturbed
+from duoglide.control.host.run.fitness import measure_limit_use, require_fit
+from duoglide.control.host.run.handle import (
     STOP_PATIENCE,
     RunHandle,
     RunPlan,
     wait_to_the_end,
 )
-from duoglide.control.host.interrupt import undisturbed
-from duoglide.control.host.prepare import margin_of, plan_approach, prepare
-from duoglide.control.host.report import RunReport
-from duoglide.control.host.run_log import RunLog
+from duoglide.control.host.run.prepare import margin_of, plan_approach, prepare
+from duoglide.control.host.run.report import RunReport
+from duoglide.control.host.run.run_log import RunLog
 from duoglide.drives.cia402 import State, decode
 from duoglide.errors import DriveError, DuoglideError, InputError
 from duoglide.kinematics.home import home_position
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from duoglide.control.channel.events import Trip
-    from duoglide.drives.simulated import SimulatedDrives
+    from duoglide.drives.simulation.simulated import SimulatedDrives
     from duoglide.machine import Machine
     from duoglide.planning.trajectory import Trajectory
 

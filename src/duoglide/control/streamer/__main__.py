@@ -22,7 +22,7 @@ from duoglide.control.streamer.clock import MonotonicClock, run_cycles
 from duoglide.control.streamer.cycle import Streamer
 from duoglide.control.streamer.link import BusLink
 from duoglide.control.streamer.realtime import become_helper, become_realtime
-from duoglide.drives.buses import open_bus
+from duoglide.drives.bus.buses import open_bus
 from duoglide.drives.pdo import NMT, Nmt, pack_nmt
 from duoglide.errors import BusError, DuoglideError
 from duoglide.motion.path.transfer import TransferPath

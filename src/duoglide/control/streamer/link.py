@@ -51,8 +51,8 @@ class BusLink:
     """A link over any bus of python-can; closing it closes the bus."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        from duoglide.drives.buses import frame_sender
-        from duoglide.drives.socketcand import SocketcandBus
+        from duoglide.drives.bus.buses import frame_sender
+        from duoglide.drives.bus.socketcand import SocketcandBus
 
         self._bus = bus
         self._send = frame_sender(bus)

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from duoglide.drives.socketcand import (
+from duoglide.drives.bus.socketcand import (
     LOOPBACK,
     MessageSplitter,
     decode_send,

@@ -12,7 +12,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, NamedTuple
 
-from duoglide.drives.buses import BusKind, frame_sender, open_bus, parse_bus
+from duoglide.drives.bus.buses import BusKind, frame_sender, open_bus, parse_bus
 from duoglide.drives.simulation.faults import Injection
 from duoglide.drives.simulation.hub import Hub
 from duoglide.drives.simulation.plant import PlantParameters

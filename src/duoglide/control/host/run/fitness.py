@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from duoglide.drives.buses import BusKind, parse_bus
+from duoglide.drives.bus.buses import BusKind, parse_bus
 from duoglide.errors import ConfigError, DriveError, DuoglideError, InputError, PathError
 from duoglide.kinematics.model import inverse
 from duoglide.machine import Machine

@@ -14,10 +14,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from duoglide.drives import pdo
+from duoglide.drives.axis.objects import DriveObjects
+from duoglide.drives.axis.sdo_client import SdoRefusalError
 from duoglide.drives.cia402 import Mode
-from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.scale import RateUnits
-from duoglide.drives.sdo_client import SdoRefusalError
 from duoglide.errors import ConfigError, DriveTimeout, DuoglideWarning
 from duoglide.machine.drive_contract import answer_to
 

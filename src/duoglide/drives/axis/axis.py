@@ -12,6 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from duoglide.drives import pdo, standstill
+from duoglide.drives.axis.configure import Identity, configure, identify, wait_for_boot
+from duoglide.drives.axis.objects import DriveObjects
+from duoglide.drives.axis.sdo_client import SdoRefusalError
+from duoglide.drives.axis.units import read_units
 from duoglide.drives.cia402 import (
     Control,
     Mode,
@@ -21,11 +25,7 @@ from duoglide.drives.cia402 import (
     decode,
     emergency_words,
 )
-from duoglide.drives.configure import Identity, configure, identify, wait_for_boot
-from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.scale import RateUnits
-from duoglide.drives.sdo_client import SdoRefusalError
-from duoglide.drives.units import read_units
 from duoglide.errors import DriveFault, DriveTimeout
 from duoglide.machine.drive_contract import answer_to
 from duoglide.machine.drive_quirks import Interlock

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import can
 
 from duoglide.drives import pdo
+from duoglide.drives.axis.sdo_client import SdoClient, SdoRefusalError
 from duoglide.drives.linear_axis import object_dictionary
 from duoglide.drives.scale import Scale
-from duoglide.drives.sdo_client import SdoClient, SdoRefusalError
 from duoglide.errors import BusError, DriveError
 from duoglide.machine import DriveSettings
 

@@ -12,11 +12,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from duoglide.drives.axis.sdo_client import SdoRefusalError
 from duoglide.drives.scale import RateUnits
-from duoglide.drives.sdo_client import SdoRefusalError
 
 if TYPE_CHECKING:
-    from duoglide.drives.drive_objects import DriveObjects
+    from duoglide.drives.axis.objects import DriveObjects
 
 _METRE, _RADIAN, _DEGREE, _REVOLUTION, _INCREMENT, _RPM = 0x01, 0x10, 0x41, 0xB4, 0xB5, 0xC0
 _SECOND, _MINUTE, _HOUR, _SECOND_SQUARED = 0x03, 0x47, 0x48, 0x57

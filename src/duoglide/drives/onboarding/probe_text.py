@@ -6,11 +6,11 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from duoglide.drives.bus_load import bus_load
+from duoglide.drives.bus.load import bus_load
 from duoglide.machine.drive_profiles import PROFILES
 
 if TYPE_CHECKING:
-    from duoglide.drives.probe import Probed
+    from duoglide.drives.onboarding.probe import Probed
     from duoglide.machine import DriveSettings
 
 _WIDTH = 100

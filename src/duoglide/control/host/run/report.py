@@ -13,9 +13,9 @@ from duoglide.arrays import AXES
 from duoglide.control.channel.events import Condition, Happening, Reaction, Trip
 from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.control.channel.scale import Scales
-from duoglide.control.host.conduct import ConductTally, DriveConduct
-from duoglide.control.host.happenings import describe_event, describe_stop
-from duoglide.control.host.history import History, HistoryTally
+from duoglide.control.host.run.conduct import ConductTally, DriveConduct
+from duoglide.control.host.run.happenings import describe_event, describe_stop
+from duoglide.control.host.run.history import History, HistoryTally
 from duoglide.errors import BusError, DriveError, DriveFault, DriveTimeout, FollowingError
 from duoglide.storage.records import EventKind, EventRecord, Phase
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from duoglide.control.channel.scale import Triple
-    from duoglide.control.host.fitness import LimitUse
+    from duoglide.control.host.run.fitness import LimitUse
     from duoglide.machine import DriveSettings
 
 _MARKED = (EventKind.FAULT, EventKind.EMERGENCY, EventKind.TIMEOUT, EventKind.QUICK_STOP)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from duoglide.control.channel.events import Happening, RunState
 from duoglide.control.channel.orders import Command
 from duoglide.control.channel.scale import Scales
-from duoglide.control.host.happenings import describe_event
 from duoglide.control.host.interrupt import endings_interrupt, undisturbed
-from duoglide.control.host.report import RunReport, Tally, require_success
+from duoglide.control.host.run.happenings import describe_event
+from duoglide.control.host.run.report import RunReport, Tally, require_success
 from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError
 from duoglide.motion.path_clock import require_override
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from duoglide.control.channel.ring import CycleEntry, EventEntry
     from duoglide.control.channel.scale import Triple
     from duoglide.control.channel.setpoints import PreparedSetpoints
-    from duoglide.control.host.fitness import LimitUse
     from duoglide.control.host.monitor import Monitor
     from duoglide.control.host.process import StreamerProcess
-    from duoglide.control.host.run_log import RunLog
+    from duoglide.control.host.run.fitness import LimitUse
+    from duoglide.control.host.run.run_log import RunLog
     from duoglide.machine import DriveSettings
 
 _SETTLING_CYCLES = 10  # recorded after the end, so that the log shows the carriages arrive

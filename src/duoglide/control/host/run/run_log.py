@@ -8,14 +8,14 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.host.happenings import describe_event
+from duoglide.control.host.run.happenings import describe_event
 from duoglide.drives.linear_axis import eds_sha256
 from duoglide.storage import CycleRecord, Document, LogKind, LogWriter, Topic
 from duoglide.storage.paths import as_path
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
-    from duoglide.control.host.report import RunReport
+    from duoglide.control.host.run.report import RunReport
     from duoglide.machine import Machine
     from duoglide.planning.trajectory import Trajectory
 

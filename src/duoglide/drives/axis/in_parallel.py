@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from duoglide.errors import DriveError, DriveTimeout
 
 if TYPE_CHECKING:
-    from duoglide.drives.axis import Axis
+    from duoglide.drives.axis.axis import Axis
 
 T = TypeVar("T")
 _PREFIX = re.compile(r"axis (\d) \(node \d+\)[:,] ")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from duoglide.drives import pdo
-from duoglide.drives.buses import open_bus
+from duoglide.drives.bus.buses import open_bus
 from duoglide.errors import BusError
 
 if TYPE_CHECKING:

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from duoglide.drives import pdo
+from duoglide.drives.axis.configure import PROFILE_402, list_settings
+from duoglide.drives.axis.objects import DriveObjects
+from duoglide.drives.axis.sdo_client import SdoRefusalError
+from duoglide.drives.axis.units import read_units
 from duoglide.drives.cia402 import Mode, State, decode
-from duoglide.drives.configure import PROFILE_402, list_settings
-from duoglide.drives.drive_objects import DriveObjects
 from duoglide.drives.scale import RateUnits
-from duoglide.drives.sdo_client import SdoRefusalError
-from duoglide.drives.units import read_units
 from duoglide.errors import DriveError, DriveTimeout
 from duoglide.machine.drive_contract import CONTRACT, ContractObject, Need, find_object
 from duoglide.machine.drive_profiles import PROFILES

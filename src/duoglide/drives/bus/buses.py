@@ -107,7 +107,7 @@ def open_bus(name: str, bit_rate: int = 1_000_000) -> can.BusABC:
 
     Args:
         name: Any form but ``virtual``, which has an address only once its hub runs: see
-            ``duoglide.drives.simulated.SimulatedDrives``.
+            ``duoglide.drives.simulation.simulated.SimulatedDrives``.
         bit_rate: What the interface should run at [bit/s]; a kernel interface has its own.
 
     Raises:
@@ -134,7 +134,7 @@ def _refuse_virtual(bus: BusName, bit_rate: int) -> can.BusABC:
 
 
 def _open_socketcand(bus: BusName, bit_rate: int) -> can.BusABC:
-    from duoglide.drives.socketcand import SocketcandBus
+    from duoglide.drives.bus.socketcand import SocketcandBus
 
     return SocketcandBus(bus.place, bus.port, bus.channel)
 
@@ -179,7 +179,7 @@ def frame_sender(bus: can.BusABC) -> Callable[[Sequence[tuple[int, bytes]]], Non
     """
     import can
 
-    from duoglide.drives.socketcand import SocketcandBus
+    from duoglide.drives.bus.socketcand import SocketcandBus
 
     if isinstance(bus, SocketcandBus):
         return bus.send_frames

@@ -9,10 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from duoglide.drives.drive_objects import DriveObjects
+from duoglide.drives.axis.objects import DriveObjects
+from duoglide.drives.axis.sdo_client import ABORT_WORDS, SdoRefusalError
 from duoglide.drives.linear_axis import object_dictionary
 from duoglide.drives.scale import Scale
-from duoglide.drives.sdo_client import ABORT_WORDS, SdoRefusalError
 from duoglide.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from duoglide.drives.buses import parse_bus
+from duoglide.drives.bus.buses import parse_bus
 from duoglide.drives.simulation.process import DISMISS, Job
 from duoglide.drives.simulation.rack import STANDSTILL
 from duoglide.errors import BusError, DriveTimeout

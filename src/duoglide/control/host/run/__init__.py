@@ -1,0 +1,1 @@
+"""One run: whether it may be, what is prepared for it, its handle, its report and its log."""
