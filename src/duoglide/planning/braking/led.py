@@ -77,12 +77,10 @@ class _Samples:
         machine = motion.machine
         cycle = machine.drives.cycle
         count = (int(np.ceil(motion.duration / cycle)) + 2) * _PARTS
-        times: FloatArray = np.arange(count + 1) * (cycle / _PARTS)
+        times = np.linspace(0.0, count * cycle / _PARTS, count + 1)
         state = motion.at(np.minimum(times, motion.duration))
         place = motion.position_at(np.minimum(times, motion.duration))
-        moves: FloatArray = np.linalg.inv(
-            jacobian(machine.geometry, place)
-        )  # a column for each carriage
+        moves = np.linalg.inv(jacobian(machine.geometry, place)).astype(np.float64)
         return cls(
             cycle=cycle,
             times=times,
