@@ -19,7 +19,7 @@ from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import StopBounds
 from duoglide.planning.braking.certificate import brake_report
 from duoglide.planning.transfer.certificate import keeps
-from duoglide.planning.transfer.rest_to_rest import rest_to_rest
+from duoglide.planning.transfer.rest_to_rest import plan_rest_to_rest
 
 TABLE = dg.Machine.default().to_dict()["geometry"]
 ROUNDING = 2e-6  # mm, within which a clearance is known
@@ -144,8 +144,8 @@ def test_a_dart_between_two_samples_is_seen() -> None:
     start = dg.inverse(machine.geometry, (-41.0, 0.0, 302.0))
     goal = start + np.array([-0.5, 0.5, 0.0])
     limits = dg.CarriageLimits(velocity=1e4, acceleration=1e7, jerk=1e11)
-    breaks, there = rest_to_rest(start, goal, limits, ruckig.Synchronization.Phase)
-    _, back = rest_to_rest(goal, start, limits, ruckig.Synchronization.Phase)
+    breaks, there = plan_rest_to_rest(start, goal, limits, ruckig.Synchronization.Phase)
+    _, back = plan_rest_to_rest(goal, start, limits, ruckig.Synchronization.Phase)
     still = np.zeros((1, 4, 3))
     still[0, 0] = start
     leave, arrive = 0.0121, 0.0121 + 2.0 * breaks[-1]

@@ -45,7 +45,7 @@ def plot_curve(
         halts: Where something is done on the way [mm], shape (m, 3).
         size: Width and height [inch].
     """
-    points = _points_of(curve)
+    points = _sample_points(curve)
     with drawn(size) as figure:
         views: dict[str, Axes] = figure.subplot_mosaic(
             [["side", "front"], ["top", "."]], width_ratios=(2.0, 1.0)
@@ -74,7 +74,7 @@ def plot_in_machine(
         size: Width and height [inch].
         refusal: Why the machine cannot follow it.
     """
-    points = _points_of(curve)
+    points = _sample_points(curve)
     failure = np.array(refusal.position) if refusal is not None and refusal.position else None
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -121,7 +121,7 @@ def _draw_needed(
     axes.set_ylim(0.0, 1.08 * np.nanmax(values, initial=max(needed, 1.0)))
 
 
-def _points_of(curve: Curve) -> FloatArray:
+def _sample_points(curve: Curve) -> FloatArray:
     """Return positions along a curve [mm], shape (n, 3); the ends of its pieces are among them."""
     sigma = np.unique(np.concatenate([np.linspace(0.0, curve.end, _SAMPLES), curve.breaks]))
     return curve.derivatives(sigma)[:, 0]

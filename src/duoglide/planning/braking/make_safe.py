@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,18 +26,38 @@ Replan = Callable[[float], Motion]
 """Plan the same motion again at a share of its speeds, with the accelerations that it has; raises a
 PathError where its way is another one then, and leads where it must not."""
 
-_SAMPLE = 0.001  # [s] of the plan lie between two caps.
-_FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
-_ROUNDS = 5
-_TIGHTER = 0.97  # what a cap loses each round that it did not suffice
-_SLOWEST = 0.002  # A share of the speed below which no cap is looked for.
-_HALVINGS = 7  # of the ratio of speeds, in the search for a cap
-_LEAST_SPEED = 10.0  # [mm/s] of the platform on average: a plan that must be slower is refused
-_LONGEST = 20.0  # times the duration of the draft, which it may take however short its way is
-_SLOWER = 1.1
-_MOST_STRETCHES = 8  # by 1.1, 1.1^2, 1.1^4: 1.1^255 in all
-_BISECTIONS = 1
-_REPLANS = 2
+
+class _Caps(NamedTuple):
+    """How caps on the speed are found where a plan is not brake-safe.
+
+    Attributes:
+        sample: Of the plan, between two caps [s].
+        samples: Least and largest number of them.
+        rounds: Times that the curve is timed under caps, before the whole is slowed.
+        tighter: Share of a cap that each round keeps which did not suffice.
+        slowest: Share of the speed below which no cap is looked for.
+        halvings: Of the ratio of speeds in the search for a cap: to 5 % of it.
+        least_speed: Of the platform on average [mm/s]: a plan that must be slower is refused.
+        longest: Times the duration of the draft, which it may take however short its way is.
+        slower: First factor by which the whole is stretched; each next one is its square.
+        stretches: At most: by 1.1, 1.1^2, 1.1^4 and so on, 1.1^255 in all.
+        replans: At other speeds, before the whole is stretched.
+    """
+
+    sample: float = 0.001
+    samples: tuple[int, int] = (400, 40_000)
+    rounds: int = 5
+    tighter: float = 0.97
+    slowest: float = 0.002
+    halvings: int = 7
+    least_speed: float = 10.0
+    longest: float = 20.0
+    slower: float = 1.1
+    stretches: int = 8
+    replans: int = 2
+
+
+_CAPS = _Caps()
 
 
 def make_brake_safe(
@@ -59,13 +80,13 @@ def make_brake_safe(
         PathError: No speed is certain to be safe that is worth having.
     """
     motion, report = draft, brake_report(draft)
-    longest = max(_LONGEST * draft.duration, _way_of(draft) / _LEAST_SPEED)
+    longest = max(_CAPS.longest * draft.duration, _way_of(draft) / _CAPS.least_speed)
     sigma, cap = np.zeros(1), np.full(1, NO_CAP)
-    slowest = _SLOWEST * draft.path.length / max(draft.duration, 1e-9)
-    for round_ in range(_ROUNDS):
+    slowest = _CAPS.slowest * draft.path.length / max(draft.duration, 1e-9)
+    for round_ in range(_CAPS.rounds):
         if report.safe or retime is None:
             break
-        where, fresh = brake_caps(motion, report.unsafe, _TIGHTER**round_, slowest)
+        where, fresh = brake_caps(motion, report.unsafe, _CAPS.tighter**round_, slowest)
         grid = np.union1d(sigma, where)
         sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
         motion = retime(sigma, cap)
@@ -119,8 +140,8 @@ def safe_rates(motion: Motion, unsafe: FloatArray) -> FloatArray:
         unsafe: Parts of its path time [s], shape (m, 2).
     """
     blocks = Blocks.within(CarriageBounds.of(motion), unsafe)
-    low, high = np.full(len(blocks), _SLOWEST), np.ones(len(blocks))
-    for _ in range(_HALVINGS):
+    low, high = np.full(len(blocks), _CAPS.slowest), np.ones(len(blocks))
+    for _ in range(_CAPS.halvings):
         middle = np.sqrt(low * high)
         safe = is_safe(blocks.at_rate(middle))
         low, high = np.where(safe, middle, low), np.where(safe, high, middle)
@@ -132,7 +153,7 @@ def _replan_slower(
 ) -> tuple[Motion, BrakeReport] | None:
     """Plan at the speed that seems to be safe, or at a little less; None if neither is."""
     share = float(safe_rates(motion, report.unsafe).min())
-    for _ in range(_REPLANS):
+    for _ in range(_CAPS.replans):
         try:
             slow = replan(share)
         except PathError:
@@ -140,7 +161,7 @@ def _replan_slower(
         told = brake_report(slow)
         if told.safe:
             return slow, told
-        share /= _SLOWER
+        share /= _CAPS.slower
     return None
 
 
@@ -154,22 +175,20 @@ def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Mot
     good = 1.0 / float(rates.min())
     slow, report = _stretch(motion, good)
     bad = good
-    for k in range(_MOST_STRETCHES):
+    for k in range(_CAPS.stretches):
         if report.safe:
             break
-        bad, good = good, good * _SLOWER ** (2**k)
+        bad, good = good, good * _CAPS.slower ** (2**k)
         if good * motion.duration > longest:
             break
         slow, report = _stretch(motion, good)
     if report.safe:
-        for _ in range(_BISECTIONS if good > _SLOWER**2 * bad else 0):
-            middle = sqrt(bad * good)
-            less, told = _stretch(motion, middle)
-            bad, good = (bad, middle) if told.safe else (middle, good)
+        if good > _CAPS.slower**2 * bad:
+            less, told = _stretch(motion, sqrt(bad * good))
             slow, report = (less, told) if told.safe else (slow, report)
         return slow, report
     raise PathError(
-        f"no speed above {_LEAST_SPEED:g} mm/s was found at which the drives may brake by"
+        f"no speed above {_CAPS.least_speed:g} mm/s was found at which the drives may brake by"
         f" themselves, each within {motion.machine.reaction_cycles} cycles of the first:"
         f" {_lacking(report)}",
         position=report.position,
@@ -202,7 +221,7 @@ def _choose_samples(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]
 
     The speeds are the largest ones near by: a cap must hold between two samples, and none is zero.
     """
-    count = int(np.clip(whole(motion.duration / _SAMPLE), _FEWEST_SAMPLES, _MOST_SAMPLES))
+    count = int(np.clip(whole(motion.duration / _CAPS.sample), *_CAPS.samples))
     times = np.linspace(0.0, motion.duration, count + 1)
     along = motion.profile.at(times)
     sigma, first = np.unique(along[:, 0], return_index=True)
