@@ -120,7 +120,7 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     tab = browser_page
     open_tab(tab, "Motion")
     tab.get_by_role("button", name="Plan", exact=True).click()
-    wait_for(tab, "least clearance")
+    wait_for(tab, "least carriage margin")
     open_tab(tab, "Machine")
     tab.get_by_role("button", name="Connect").click()
     wait_for(tab, "the drives have no power yet")
