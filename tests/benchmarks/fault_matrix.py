@@ -20,6 +20,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,7 +28,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
+import page_attacks
 from bus_proxy import Act, BusProxy, Frame, Spoiler, Way
+from page_attacks import Target
 
 import duoglide as dg
 from duoglide.control.host.run.handle import RunHandle
@@ -36,6 +39,7 @@ from duoglide.drives.simulation.faults import Injection
 from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 from duoglide.storage import CycleRecord, EventKind, Log, Phase, Topic, read_log
+from duoglide.viewer.page import Page
 
 MACHINE = dg.Machine.default()
 MM = round(MACHINE.drives.increments_per_mm[0])
@@ -64,16 +68,26 @@ class Scene:
     proxy: BusProxy
     robot: dg.Robot
     handle: RunHandle
+    target: Target | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault, how it is injected, and how it may end."""
+    """A fault, how it is injected, and how it may end.
+
+    Attributes:
+        name: In the table.
+        inject: Does it; what it returns, in words, is reported.
+        expected: Reactions.
+        override: Speed of the run.
+        page: Whether the live page is served meanwhile.
+    """
 
     name: str
     inject: Callable[[Scene], object]
     expected: frozenset[str]
     override: float = 1.0
+    page: bool = False
 
 
 def spoil(name: str, expected: frozenset[str] | str, *spoilers: Spoiler) -> Fault:
@@ -252,7 +266,25 @@ def _hammer(scene: Scene) -> None:
         scene.handle.set_override(0.5 + 0.5 * (i % 2))
 
 
-FAULTS = (*_bus(), *_drives(), *_host())
+def _page() -> Iterator[Fault]:
+    """Yield what others can do to the live page, while a machine runs."""
+    for name, attack in page_attacks.REFUSED.items():
+        yield Fault(name, _of_the_page(attack), _set(COMPLETED), 0.1, page=True)
+    for name, attack in page_attacks.STOPS.items():
+        yield Fault(name, _of_the_page(attack), _set(STOPPED), 0.1, page=True)
+
+
+def _of_the_page(attack: Callable[[Target], str]) -> Callable[[Scene], str]:
+    def inject(scene: Scene) -> str:
+        assert scene.target is not None
+        words = attack(scene.target)
+        scene.handle.set_override(1.0)
+        return words
+
+    return inject
+
+
+FAULTS = (*_bus(), *_drives(), *_host(), *_page())
 
 
 def measure(fault: Fault, folder: Path) -> tuple[str, str]:
@@ -264,6 +296,7 @@ def measure(fault: Fault, folder: Path) -> tuple[str, str]:
         SimulatedDrives(MACHINE.drives, start, standstill=0.0) as drives,
         BusProxy(drives.address) as proxy,
         dg.Robot.connect(MACHINE, bus=proxy.address) as robot,
+        _served(robot, trajectory, folder, fault.page) as target,
     ):
         robot.enable()
         robot.home()
@@ -272,13 +305,14 @@ def measure(fault: Fault, folder: Path) -> tuple[str, str]:
         while handle.status.path_time < WHEN * trajectory.duration and not handle.done:
             time.sleep(0.0005)
         with Watch(drives) as places:
-            fault.inject(Scene(drives, proxy, robot, handle))
+            told = fault.inject(Scene(drives, proxy, robot, handle, target))
+            said = [told] if isinstance(told, str) else []
             try:
-                report = handle.wait(10.0)
-                words = "; ".join(trip.words for trip in report.faults)
+                report = handle.wait(20.0)
+                said += [trip.words for trip in report.faults]
                 completed = report.completed
             except dg.DuoglideError as error:
-                words, completed = str(error), False
+                said, completed = [*said, str(error)], False
             time.sleep(0.2)  # until drives that brake by themselves stand
         proxy.spoil()
         for axis in (1, 2, 3):
@@ -291,9 +325,24 @@ def measure(fault: Fault, folder: Path) -> tuple[str, str]:
     good = " " if reaction in fault.expected else "!"
     line = (
         f"{good} {fault.name:<36}{reaction:<18}{_delay(log, rows):>6}"
-        f"{'apart' if np.isinf(away) else f'{away:.3f}':>10}   {whole:<5}{words}"
+        f"{'apart' if np.isinf(away) else f'{away:.3f}':>10}   {whole:<5}{'; '.join(said)}"
     )
     return reaction, line
+
+
+@contextmanager
+def _served(
+    robot: dg.Robot, trajectory: dg.Trajectory, folder: Path, wanted: bool
+) -> Iterator[Target | None]:
+    """Serve the page of a robot, if it is wanted, with a plan that is loaded."""
+    if not wanted:
+        yield None
+        return
+    files = folder / "page"
+    files.mkdir()
+    with Page(MACHINE, drives=robot, port=0, folder=files) as page:
+        page._motion.trajectory = trajectory
+        yield Target(page, files)
 
 
 class Watch:
