@@ -267,7 +267,7 @@ def nonsense(target: Target) -> str:
 
 def stop_while_hammered(target: Target) -> str:
     """Stop, while another page, of another process, sends as many orders as it can."""
-    order = target.page._machine._override._impl.uuid
+    order = target.element("Lift [mm]")
     known = target.pages()
     command = [sys.executable, str(_HAMMER), "hammer", target.page.address, order]
     with subprocess.Popen(command) as page:
