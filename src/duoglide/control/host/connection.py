@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
-from duoglide.control.channel.events import Condition, Happening, Trip
+from duoglide.control.channel.events import FIFO, Condition, Happening, Trip
 from duoglide.control.channel.orders import Assignment, Policy, StreamSettings, TrailRule
+from duoglide.control.host.background import Background
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.process import StreamerProcess
 from duoglide.drives import pdo
@@ -63,6 +64,7 @@ class Connection:
         else:
             require_alone(bus, machine.drives)
         self.bus = bus
+        self.background = self._resources.enter_context(closing(Background()))
         self._start_stream()
         if self.simulated is None:
             self._require_company_of_none()
@@ -114,6 +116,12 @@ class Connection:
             )
 
     @property
+    def has_priority(self) -> bool:
+        """Whether the kernel gives the streamer real-time priority, as it says when it is ready."""
+        ready = self.monitor.find(lambda event: event.kind == Happening.READY, 0)
+        return ready is not None and bool(ready.code & FIFO)
+
+    @property
     def failed(self) -> bool:
         """Whether the streamer is gone or has lost the bus for good."""
         return not self.process.alive or self.monitor.find(_is_bus_failure, 0) is not None
@@ -129,7 +137,7 @@ class Connection:
 
     def _stop_stream(self) -> None:
         self.monitor.close()
-        self.process.close()
+        self.process.close(hopeless=self.monitor.streamer_is_gone)
 
     @contextmanager
     def axes(self) -> Iterator[tuple[Axis, ...]]:
@@ -227,6 +235,7 @@ def _trail_rule(machine: Machine, index: int) -> TrailRule:
         departure=scale.magnitude(DEPARTURE),
         goal=scale.magnitude(drives.goal_tolerance),
         mm=abs(scale.to_mm(1)),
+        tells=drives.quirks[index].follows_bit,
     )
 
 

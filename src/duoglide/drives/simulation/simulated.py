@@ -14,7 +14,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from duoglide.arrays import AXES
 from duoglide.drives.bus.buses import parse_bus
+from duoglide.drives.simulation.makers.imitation import CONTRACT, Imitation
 from duoglide.drives.simulation.process import DISMISS, Job
 from duoglide.drives.simulation.rack import STANDSTILL
 from duoglide.errors import BusError, DriveTimeout
@@ -40,6 +42,7 @@ class SimulatedDrives:
         bus: ``virtual`` starts a hub; any other name is opened and served.
         plants: What hangs on each drive; three, or None for the default.
         standstill: For how long they stand still with a host that agrees to it; see ``build_rack``.
+        imitations: In what each differs from the contract; three, or None for no difference.
     """
 
     def __init__(
@@ -50,9 +53,12 @@ class SimulatedDrives:
         bus: str = "virtual",
         plants: Sequence[PlantParameters] | None = None,
         standstill: float = STANDSTILL,
+        imitations: Sequence[Imitation] | None = None,
     ) -> None:
         parse_bus(bus)
-        self._job = Job(settings, tuple(map(float, positions)), bus, plants, standstill)
+        places = tuple(map(float, positions))
+        differ = (CONTRACT,) * AXES if imitations is None else tuple(imitations)
+        self._job = Job(settings, places, bus, plants, standstill, differ)
         self._address = ""
         self._one_at_a_time = threading.Lock()  # an answer is for who has asked
 
