@@ -5,14 +5,18 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import warnings
 from pathlib import Path
 
+import can
 import pytest
 import typer
 
 import duoglide as dg
 from duoglide.cli.main import app, run
+from duoglide.drives.bus import listen
+from duoglide.drives.bus.buses import open_bus
 from duoglide.planning import compile_ahead
 from duoglide.storage import LogKind, LogWriter
 
@@ -37,6 +41,31 @@ def refused(arguments: list[str], capsys: pytest.CaptureFixture[str], code: int 
     assert lines[0].startswith("duoglide: ")
     assert "Traceback" not in captured.out + captured.err
     return " ".join(line.strip() for line in lines)
+
+
+def test_frames_are_not_replayed_into_a_bus_that_another_host_is_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listen, "_ALONE_PATIENCE", 0.1)
+    (tmp_path / "frames.log").write_text("(1.0) can0 201#0F0000000000\n(1.1) can0 000#0100\n")
+    over = threading.Event()
+
+    def command() -> None:
+        with open_bus("inprocess:taken") as host:
+            while not over.wait(0.01):
+                host.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+
+    with open_bus("inprocess:taken") as witness:
+        other = threading.Thread(target=command)
+        other.start()
+        try:
+            assert run(["replay", "frames.log", "--bus", "inprocess:taken"]) == 1
+        finally:
+            over.set()
+            other.join()
+        heard = {frame.arbitration_id for frame in iter(lambda: witness.recv(0.0), None)}
+    assert "another host is on it, its SYNC is heard" in capsys.readouterr().err
+    assert heard == {0x080}, "nothing was sent"
 
 
 @pytest.mark.parametrize("suffix", [".mf4", ".csv", ".db"])

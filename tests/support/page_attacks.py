@@ -1,19 +1,21 @@
 """What a web page, a program or a person can do to the live page, over real connections.
 
-Every attack returns in words what became of it, or raises ``LetIn`` where it got what it wanted.
+Every attack returns in words what became of it, or raises ``LetInError`` where it got what it
+wanted.
 """
 
 from __future__ import annotations
 
 import contextlib
 import http.client
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import viser
@@ -23,6 +25,7 @@ from websockets.sync.client import ClientConnection, connect
 from duoglide.viewer.page import Page
 
 PATIENCE = 30.0  # [s]
+_HAMMER = Path(__file__).parents[1] / "benchmarks" / "page_orders.py"
 CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (1.0, 1.0, 1.0),
     "fov": 1.0, "near": 0.1, "far": 100.0, "look_at": (0.0, 0.0, 0.0),
@@ -37,7 +40,7 @@ GARBAGE = (
 )  # fmt: skip
 
 
-class LetIn(AssertionError):
+class LetInError(AssertionError):
     """An attack got what it wanted."""
 
 
@@ -81,7 +84,7 @@ class Target:
         begin = time.monotonic()
         answer = self.get(self.home + "stop", Duoglide_Order="stop", Origin=f"http://{self.host}")
         if answer != (200, "stopped"):
-            raise LetIn(f"Stop was answered {answer}")
+            raise LetInError(f"Stop was answered {answer}")
         return f"Stop took {1e3 * (time.monotonic() - begin):.1f} ms"
 
     def stream(self, origin: str | None = None, **headers: str) -> ClientConnection:
@@ -97,12 +100,16 @@ class Target:
     @contextmanager
     def visitor(self) -> Iterator[Callable[[object], None]]:
         """Open the page without a browser; yields what sends it messages."""
-        known = len(self.page._server.get_clients())
+        known = self.pages()
         with self.stream() as stream:
             threading.Thread(target=_drain, args=(stream,), daemon=True).start()
             stream.send(msgspec.msgpack.encode(CAMERA))
-            wait_until(lambda: len(self.page._server.get_clients()) > known)
+            wait_until(lambda: bool(self.pages() - known))
             yield lambda message: stream.send(msgspec.msgpack.encode(message))
+
+    def pages(self) -> set[int]:
+        """Return the numbers of the pages that are open, whoever gives the orders."""
+        return set(self.page._machine._owner._pages)
 
     def element(self, label: str) -> str:
         """Return the name of an element of the page by what is written on it."""
@@ -126,7 +133,7 @@ def wait_until(true: Callable[[], bool]) -> None:
     deadline = time.monotonic() + PATIENCE
     while not true():
         if time.monotonic() > deadline:
-            raise LetIn("the page does not react")
+            raise LetInError("the page does not react")
         time.sleep(0.002)
 
 
@@ -137,7 +144,7 @@ def _refused(target: Target, status: int, path: str = "", **headers: str) -> str
     for wanted in (path, path + "stop"):
         got, words = target.get(wanted, **headers)
         if got != status:
-            raise LetIn(f"{wanted} with {headers} was answered {got}")
+            raise LetInError(f"{wanted} with {headers} was answered {got}")
     return f"{status} {words}"
 
 
@@ -173,7 +180,7 @@ def no_origin(target: Target) -> str:
         Sec_WebSocket_Key="dGhlIHNhbXBsZSBub25jZQ==",
     )
     if status != 403:
-        raise LetIn(f"a stream without an Origin was answered {status}")
+        raise LetInError(f"a stream without an Origin was answered {status}")
     return f"403 {words}"
 
 
@@ -181,7 +188,7 @@ def a_link(target: Target) -> str:
     """Have somebody follow a link to Stop, or an image show it."""
     status, words = target.get(target.home + "stop")
     if status != 403:
-        raise LetIn(f"it was answered {status}")
+        raise LetInError(f"it was answered {status}")
     return f"403 {words}"
 
 
@@ -191,7 +198,7 @@ def _no_stream(target: Target, begin: Callable[[], ClientConnection]) -> None:
     except InvalidStatus:
         return
     stream.close()
-    raise LetIn("the stream began")
+    raise LetInError("the stream began")
 
 
 def outside(target: Target) -> str:
@@ -206,8 +213,8 @@ def outside(target: Target) -> str:
                 send(target.update(field, name))
                 send(target.update(button, True))
                 wait_until(lambda says=says: "is not below" in says.content)
-    if list(above.glob("*.mcap")):
-        raise LetIn("a file was written there")
+    if (above / "x.mcap").exists():
+        raise LetInError("a file was written there")
     return "is not below the page's folder"
 
 
@@ -224,7 +231,7 @@ def overwrite(target: Target) -> str:
             send(target.update("Run", True))
             wait_until(lambda: bool(words.content) and "Running" not in words.content)
     if any((target.folder / name).read_text() != "precious" for name in precious):
-        raise LetIn("it is gone")
+        raise LetInError("it is gone")
     return "what was there is there"
 
 
@@ -232,13 +239,13 @@ def second_owner(target: Target) -> str:
     """Give orders from a second page: slower, and a click on Resume."""
     override = target.page._machine._override
     with target.visitor(), target.visitor() as send:
-        for _ in range(50):
+        for _ in range(20):
             send(target.update("Override [%]", 1))
             send(target.update("Resume", True))
             send({"type": "ShareUrlRequest"})
         time.sleep(0.05)
         if override.value == 1:
-            raise LetIn("the override is the watcher's")
+            raise LetInError("the override is the watcher's")
     return "another page gives the orders"
 
 
@@ -254,36 +261,29 @@ def nonsense(target: Target) -> str:
         time.sleep(0.05)
     status, _ = target.get(target.home)
     if status != 200:
-        raise LetIn(f"the page answers {status} from then on")
+        raise LetInError(f"the page answers {status} from then on")
     return "the page is served as before"
 
 
 def stop_while_hammered(target: Target) -> str:
-    """Stop, while another page sends as many orders as it can."""
-    over = threading.Event()
-    with target.visitor() as send:
-        order = target.update("Hold", True) | {"uuid": "none"}
-
-        def hammer() -> None:
-            with contextlib.suppress(ConnectionClosed):
-                while not over.is_set():
-                    send(order)
-
-        thread = threading.Thread(target=hammer)
-        thread.start()
-        time.sleep(0.02)
+    """Stop, while another page, of another process, sends as many orders as it can."""
+    order = target.element("Lift [mm]")
+    known = target.pages()
+    command = [sys.executable, str(_HAMMER), "hammer", target.page.address, order]
+    with subprocess.Popen(command) as page:
         try:
+            wait_until(lambda: bool(target.pages() - known))
+            time.sleep(0.2)
             return target.stop()
         finally:
-            over.set()
-            thread.join()
+            page.kill()
 
 
 def stop_while_planning(target: Target) -> str:
     """Stop, while the page plans."""
     planning = threading.Thread(target=target.page._motion._plan)
     planning.start()
-    wait_until(lambda: target.page._motion._one.locked())
+    wait_until(target.page._motion._one.locked)
     try:
         return target.stop()
     finally:

@@ -40,6 +40,7 @@ def rewrite(
     keep: Callable[[Message, str], bool] = lambda message, topic: True,
     *,
     change: Callable[[Message, str], Message] = lambda message, topic: message,
+    text: Callable[[str, bytes], bytes] = lambda name, data: data,
     documents: bool = True,
     last: bool = True,
     order: Callable[[list[Message]], Iterable[Message]] = iter,
@@ -52,6 +53,7 @@ def rewrite(
         way: Arguments of the writer.
         keep: Which messages to keep.
         change: What to make of each message.
+        text: What to make of each document, by its name.
         documents: Whether metadata and attachments come along.
         last: Whether they come after the messages.
         order: In which order the messages come.
@@ -65,7 +67,7 @@ def rewrite(
         writer = Writer(stream, **way)
         writer.start("", "a standard tool")
         if not last:
-            _add_documents(writer, records if documents else [])
+            _add_documents(writer, records if documents else [], text)
         numbers: dict[int, int] = {}
         for message in order(messages):
             channel = channels[message.channel_id]
@@ -83,16 +85,22 @@ def rewrite(
                     changed.sequence,
                 )
         if last:
-            _add_documents(writer, records if documents else [])
+            _add_documents(writer, records if documents else [], text)
         writer.finish()
     return goal
 
 
-def _add_documents(writer: Writer, records: Iterable[object]) -> None:
+def _add_documents(
+    writer: Writer, records: Iterable[object], text: Callable[[str, bytes], bytes]
+) -> None:
     for record in records:
         if isinstance(record, Metadata):
             writer.add_metadata(record.name, record.metadata)
         elif isinstance(record, Attachment):
             writer.add_attachment(
-                record.create_time, record.log_time, record.name, record.media_type, record.data
+                record.create_time,
+                record.log_time,
+                record.name,
+                record.media_type,
+                text(record.name, record.data),
             )
