@@ -147,47 +147,39 @@ def test_what_is_printed_of_gaps_comes_up_homes_and_moves(first: int) -> None:
             require_at(drives, motion.end)
 
 
-def test_a_drive_whose_home_has_the_other_sign_says_which_key(tmp_path: Path) -> None:
-    gap = Imitation(home_sign=-1, absent=(0x2010,))
-    with imitated(gap, gap, gap) as drives:
-        machine = pasted(drives)
-        with pytest.raises(dg.DriveError, match="home_offset_sign = -1"), homed(machine, drives):
-            pass
-        quirks = {"home_offset_sign": -1, "absent": [0x2010]}
-        with homed(machine_of({"drives": {"quirks": [quirks]}}), drives) as robot:
+def test_what_no_probing_can_find_is_refused_with_the_key_that_says_it() -> None:
+    """A sign, a bit that is missing and a polarity, each on one axis: three refusals, three keys."""
+    unknown = {"absent": (0x2010,)}
+    gaps = (
+        Imitation(home_sign=-1, **unknown),
+        Imitation(follows_bit=False, **unknown),
+        Imitation(interlock=Interlock.CLEAR, **unknown),
+    )
+    quirks: list[dict[str, Any]] = [{"absent": [0x2010]} for _ in gaps]
+    answers = (
+        (3, {"interlock": "clear"}, 'axis 3.*is set.*interlock = "clear"'),
+        (2, {"follows_bit": False}, "axis 2.*follows_bit = false"),
+        (1, {"home_offset_sign": -1}, "axis 1.*home_offset_sign = -1"),
+    )
+    with imitated(*gaps) as drives:
+        for axis, answer, words in answers:
+            machine = machine_of({"drives": {"quirks": quirks}})
+            with pytest.raises(dg.DriveError, match=words), homed(machine, drives):
+                pass
+            quirks[axis - 1] |= answer
+        machine = machine_of({"drives": {"quirks": quirks}})
+        with homed(machine, drives) as robot:
             assert np.abs(robot.carriages - HOME_CARRIAGES).max() < 0.1
-
-
-def test_a_drive_without_bit_12_gets_no_power_unless_it_is_told() -> None:
-    gap = Imitation(follows_bit=False, absent=(0x2010,))
-    with imitated(gap, gap, gap) as drives:
-        quirks: dict[str, Any] = {"absent": [0x2010]}
-        machine = machine_of({"drives": {"quirks": [quirks]}})
-        with dg.Robot.connect(machine, bus=drives.address) as robot:
-            with pytest.raises(dg.DriveError, match="follows_bit = false"):
+            assert robot.jog(STEP).completed
+            robot.disable()
+            drives.inject(Sto(3, True))
+            with pytest.raises(dg.DriveError, match="axis 3.*safe torque off is active"):
                 robot.enable()
-            assert not robot.enabled
-        told = machine_of({"drives": {"quirks": [{**quirks, "follows_bit": False}]}})
-        with homed(told, drives) as robot:
-            assert robot.jog((0.0, 5.0, 0.0)).completed
 
 
-@pytest.mark.parametrize("polarity", [Interlock.SET, Interlock.CLEAR])
-def test_an_open_interlock_is_seen_in_either_polarity(polarity: Interlock) -> None:
-    gap = Imitation(interlock=polarity)
-    machine = machine_of({"drives": {"quirks": [{"interlock": str(polarity)}]}})
-    with imitated(gap, gap, gap) as drives, dg.Robot.connect(machine, drives.address) as robot:
-        drives.inject(Sto(2, True))
-        with pytest.raises(dg.DriveError, match=f'axis 2.*interlock = "{polarity.other}"'):
-            robot.enable()
-        drives.inject(Sto(2, False))
-        robot.enable()
-        assert robot.enabled
-
-
-def test_nothing_begins_to_home_before_all_is_set() -> None:
+def test_nothing_homes_before_all_is_set_and_no_statusword_is_hammered() -> None:
     """Drives that begin on the level of bit 4 find mode, method and place in theirs."""
-    gap = Imitation(homes_on_level=True, absent=(0x2010,))
+    gap = Imitation(homes_on_level=True, absent=(0x2010,), sdo_delay=0.005)
     machine = machine_of({"drives": {"quirks": [{"absent": [0x2010]}]}})
     with imitated(gap, gap, gap) as drives, open_bus(drives.address) as listener:
         with homed(machine, drives):
@@ -210,6 +202,8 @@ def test_nothing_begins_to_home_before_all_is_set() -> None:
         mode_at = max(i for i in before if _written(frames[i][1]) == (0x6060, 0))
         assert frames[mode_at][1][4] == Mode.HOMING
         read_back = [i for i in requests if frames[i][1][:4] == bytes((0x40, 0x61, 0x60, 0))]
+        asked = sum(frames[i][1][:4] == bytes((0x40, 0x41, 0x60, 0)) for i in requests)
+        assert 0 < asked < 20, f"the statusword of node {node} was asked for {asked} times"
         assert any(mode_at < i < starts[0] for i in read_back), "its mode was not read back"
 
 
@@ -234,32 +228,6 @@ def test_the_reference_outlives_a_fault_and_a_reconnect_and_ends_with_a_restart(
             drives.inject(Reboot(3))
             _until(lambda: not robot.homed)
             assert "axis 3 has restarted" in robot.why_not_homed
-        with dg.Robot.connect(machine, bus=drives.address) as robot:
-            assert not robot.homed
-
-
-def test_an_encoder_fault_ends_the_reference() -> None:
-    gap = Imitation(absent=(0x2010,))
-    machine = machine_of({"drives": {"quirks": [{"absent": [0x2010]}]}})
-    with imitated(gap, gap, gap) as drives, homed(machine, drives) as robot:
-        drives.inject(DeviceFault(1, code=0x7305))
-        _until(lambda: not robot.homed)
-        assert "encoder fault 0x7305" in robot.why_not_homed
-        robot.reset_fault()
-        assert not robot.homed
-
-
-def test_no_statusword_is_hammered_while_drives_come_up() -> None:
-    gap = Imitation(absent=(0x2010,), sdo_delay=0.01)
-    machine = machine_of({"drives": {"quirks": [{"absent": [0x2010]}]}})
-    with imitated(gap, gap, gap) as drives, open_bus(drives.address) as listener:
-        with homed(machine, drives):
-            pass
-        asked = 0
-        while (message := listener.recv(0.0)) is not None:
-            data = bytes(message.data)
-            asked += message.arbitration_id == 0x601 and data[:4] == bytes((0x40, 0x41, 0x60, 0))
-    assert 0 < asked < 20, f"the statusword of one drive was asked for {asked} times"
 
 
 def _until(true: Any, patience: float = 5.0) -> None:
