@@ -148,7 +148,7 @@ def test_what_is_printed_of_gaps_comes_up_homes_and_moves(first: int) -> None:
 
 
 def test_what_no_probing_can_find_is_refused_with_the_key_that_says_it() -> None:
-    """A sign, a bit that is missing and a polarity, each on one axis: three refusals, three keys."""
+    """A sign, a missing bit and a polarity, each on one axis: three refusals, three keys."""
     unknown = {"absent": (0x2010,)}
     gaps = (
         Imitation(home_sign=-1, **unknown),
@@ -173,7 +173,7 @@ def test_what_no_probing_can_find_is_refused_with_the_key_that_says_it() -> None
             assert robot.jog(STEP).completed
             robot.disable()
             drives.inject(Sto(3, True))
-            with pytest.raises(dg.DriveError, match="axis 3.*safe torque off is active"):
+            with pytest.raises(dg.DriveError, match=r"axis 3.*safe torque off is active"):
                 robot.enable()
 
 

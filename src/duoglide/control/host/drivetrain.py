@@ -145,6 +145,18 @@ class Drivetrain:
         """Where the setpoints hold the carriages [mm], shape (3,)."""
         return np.array(self.scales.mm(self.latest.setpoint))
 
+    @property
+    def expected(self) -> FloatArray | None:
+        """Where setpoints will hold the carriages once the drives have power and are homed [mm].
+
+        None where homing moves them and finds out.
+        """
+        if self.homed:
+            return self.held if self.enabled else self.carriages
+        if METHODS_HERE.issuperset(self.machine.drives.homing.method):
+            return np.array(self._goals())
+        return None
+
     def axes(self) -> AbstractContextManager[tuple[Axis, ...]]:
         """Open a connection for the drives' objects."""
         return self._connection.axes()

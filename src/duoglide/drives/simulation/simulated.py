@@ -9,6 +9,7 @@ from __future__ import annotations
 import multiprocessing
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -59,6 +60,7 @@ class SimulatedDrives:
         differ = (CONTRACT,) * AXES if imitations is None else tuple(imitations)
         self._job = Job(settings, places, bus, plants, standstill, differ)
         self._address = ""
+        self._one_at_a_time = threading.Lock()  # an answer is for who has asked
 
     def __enter__(self) -> SimulatedDrives:
         self._pipe, theirs = multiprocessing.Pipe()
@@ -97,8 +99,7 @@ class SimulatedDrives:
         Raises:
             DriveTimeout: The process does not answer.
         """
-        self._pipe.send(injection)
-        self._answer(_ANSWER_PATIENCE)
+        self._ask(injection)
 
     def snapshot(self) -> tuple[DriveSnapshot, ...]:
         """Return what the drives really do, past the bus.
@@ -106,9 +107,16 @@ class SimulatedDrives:
         Raises:
             DriveTimeout: The process does not answer.
         """
-        self._pipe.send("snapshot")
-        answer: tuple[DriveSnapshot, ...] = self._answer(_ANSWER_PATIENCE)  # type: ignore[assignment]
+        answer: tuple[DriveSnapshot, ...] = self._ask("snapshot")  # type: ignore[assignment]
         return answer
+
+    def _ask(self, what: object) -> object:
+        with self._one_at_a_time:
+            try:
+                self._pipe.send(what)
+            except OSError:
+                raise BusError("the process of the simulated drives has ended") from None
+            return self._answer(_ANSWER_PATIENCE)
 
     def _answer(self, patience: float) -> object:
         try:

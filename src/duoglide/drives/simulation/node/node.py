@@ -202,6 +202,10 @@ class DriveNode:
             self.plant.coast(not self.axis.brake_released, seconds)
         self.axis.set_inputs(self.inputs | self._limit_switches())
         self.axis.tick(dt, floor((self.plant.measured - self._zero) * self.scale + 0.5))
+        self.tell_emergencies()
+
+    def tell_emergencies(self) -> None:
+        """Send what the application has found to be wrong, at once."""
         for code in self.axis.take_emergencies():
             self._emergency(code)
 
