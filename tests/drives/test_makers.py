@@ -14,6 +14,7 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.host.commission import probe_drives
+from duoglide.control.host.units_check import check_units
 from duoglide.drives import pdo
 from duoglide.drives.bus.buses import open_bus
 from duoglide.drives.cia402 import Mode
@@ -235,3 +236,18 @@ def _until(true: Any, patience: float = 5.0) -> None:
     while not true():
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+def test_a_slow_move_shows_whether_a_drive_brakes_in_the_unit_that_it_is_told() -> None:
+    gaps = [Imitation(acceleration_unit=unit, absent=(0x2010, 0x608F)) for unit in (1.0, 9.0, 50.0)]
+    quirks: list[dict[str, Any]] = [{"absent": [0x2010]} for _ in gaps]
+    quirks[2]["acceleration_unit"] = 0.05  # [mm/s^2]: 50 of its increments/s^2
+    machine = machine_of({"drives": {"quirks": quirks}})
+    with imitated(*gaps) as drives, homed(machine, drives) as robot:
+        for axis in (1, 3):
+            check = check_units(robot, axis)
+            assert check.braked == pytest.approx(check.told, rel=0.5)
+            assert not robot.enabled and not robot.latched
+            robot.enable()
+        with pytest.raises(dg.DriveError, match=r"carriage 2: told to brake .* acceleration_unit"):
+            check_units(robot, 2)

@@ -378,9 +378,9 @@ def _look_at_inputs(drive: DriveObjects, found: Probed) -> None:
     if inputs is None:
         return
     is_set = bool(inputs & pdo.INTERLOCK)
-    found.quirks["interlock"] = str(Interlock.NONE if is_set else Interlock.SET)
     said = f"bit 3 of 0x60FD (interlock) is {'set' if is_set else 'clear'} now"
     if is_set:
+        found.quirks["interlock"] = str(Interlock.NONE)
         found.unsafe.append(
             f"{said}. If safe torque off is not active now, interlock must be"
             ' "clear"; as "none" it is not seen before power is asked for'
