@@ -8,6 +8,8 @@ import pytest
 
 import duoglide as dg
 from duoglide.control.host.run.fitness import machine_that_moves, require_fit
+from duoglide.machine.drive_quirks import Quirks
+from duoglide.motion.path.actions import SetOutput, WaitInput
 from duoglide.motion.profile import Profile
 
 
@@ -24,6 +26,25 @@ def test_what_begins_or_ends_in_motion_is_not_run_by_itself(machine: dg.Machine)
     later = Profile(whole.profile.knots[knot:] - np.array([time, 0.0, 0.0, 0.0]))
     with pytest.raises(dg.PathError, match="begins in motion"):
         require_fit(dg.Trajectory(whole.path, later, whole.stops), machine)
+
+
+@pytest.mark.parametrize(
+    ("index", "action", "words"),
+    [
+        (0x60FE, SetOutput(2, 16, True), r"sets bit 16 of axis 2 .* no digital outputs: 0x60FE"),
+        (0x60FD, WaitInput(2, 17, True, 1.0), r"waits for bit 17 of axis 2 .* inputs: 0x60FD"),
+    ],
+)
+def test_an_action_on_lines_that_a_drive_does_not_have_is_refused_before_the_run(
+    machine: dg.Machine, index: int, action: SetOutput | WaitInput, words: str
+) -> None:
+    path = dg.Path.polyline([(-41, -40, 300), (-41, 0, 300), (-41, 40, 300)]).at(1, action)
+    plan = dg.plan(machine, path, brake_safe=False)
+    require_fit(plan, machine)
+    quirks = (Quirks(), Quirks(absent=(index,)), Quirks())
+    without = replace(machine, drives=replace(machine.drives, quirks=quirks))
+    with pytest.raises(dg.DriveError, match=words):
+        require_fit(plan, without)
 
 
 @pytest.mark.parametrize(

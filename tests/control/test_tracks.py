@@ -1,7 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
+import duoglide as dg
+from duoglide.control.host.connection import describe_stream
 from duoglide.control.streamer.tracks import AxisTrack
+from duoglide.control.streamer.wire import Wire
 from duoglide.drives import pdo
+from duoglide.drives.cia402 import Mode
+from duoglide.machine.drive_quirks import Quirks
 
 
 def hear(track: AxisTrack, *syncs: int) -> int:
@@ -53,3 +60,35 @@ def test_how_long_a_drive_has_bounded_what_it_is_asked_for_is_counted() -> None:
         track.on_feedback(pdo.FEEDBACK.pack(statusword, 0))
         track.end_of_cycle(1)
         assert track.limited == limited
+
+
+class Lines:
+    """A link of lists."""
+
+    echoes = False
+
+    def __init__(self, *frames: tuple[int, bytes]) -> None:
+        self.heard, self.sent = list(frames), list[tuple[int, bytes]]()
+
+    def send(self, frames: object) -> None:
+        self.sent += frames  # type: ignore[arg-type]
+
+    def receive(self) -> list[tuple[int, bytes]]:
+        return self.heard
+
+
+def test_what_is_not_mapped_by_the_host_is_neither_read_nor_written() -> None:
+    """A maker's second TPDO may hold a 6 where the contract's has the mode: homing."""
+    machine = dg.Machine.default()
+    quirks = (Quirks(absent=(0x60FD, 0x60FE)), Quirks(), Quirks())
+    machine = replace(machine, drives=replace(machine.drives, quirks=quirks))
+    fifth = pdo.INPUTS.pack(0xFFFF, Mode.HOMING)
+    link = Lines((pdo.TPDO2 + 1, fifth), (pdo.TPDO2 + 2, fifth))
+    wire = Wire(link, describe_stream(machine))  # type: ignore[arg-type]
+    wire.listen(1)
+    assert [track.homing for track in wire.tracks] == [False, True, False]
+    assert [track.inputs for track in wire.tracks] == [0, 0xFFFF, 0]
+    for axis in range(3):
+        wire.set_outputs(axis, 1)
+    sent = {identifier for identifier, _ in wire._outputs}
+    assert sent == {pdo.RPDO2 + 2, pdo.RPDO2 + 3}

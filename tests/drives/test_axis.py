@@ -9,8 +9,9 @@ import canopen
 import pytest
 from drive_power import disable, enable, reset_fault
 
+from duoglide.drives.axis import configure as bring_up
 from duoglide.drives.axis.axis import Axis
-from duoglide.drives.axis.configure import interpolation_time
+from duoglide.drives.axis.configure import DriveWarning, interpolation_time
 from duoglide.drives.bus.buses import frame_sender
 from duoglide.drives.cia402 import Control, Mode, State
 from duoglide.drives.pdo import RPDO1, SETPOINT, SYNC
@@ -33,6 +34,18 @@ def test_bring_up_ends_enabled_homed_and_where_it_was(
         assert axis.read_position() == pytest.approx(real.position, abs=0.002)
         assert axis.read_homed()
         assert real.brake_released
+
+
+def test_a_drive_that_keeps_its_host_waiting_is_waited_for_with_words(
+    drives: SimulatedDrives, axis: Axis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bring_up, "_WORTH_TELLING", 0.1)
+    drives.inject(faults.Reboot(1, delay=0.9))
+    with pytest.warns(DriveWarning, match=r"axis 1 .* does not answer yet; it is waited for"):
+        axis.wait_for_boot()
+    drives.inject(faults.SlowSdo(1, 0.04))
+    with pytest.warns(DriveWarning, match=r"axis 1 .* ms for an answer: bring-up, .* takes about"):
+        axis.wait_for_boot()
 
 
 @pytest.mark.parametrize(("per_mm", "bound"), [(4e5, 1_760_000_000), (1e6, (1 << 31) - 1)])

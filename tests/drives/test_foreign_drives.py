@@ -169,8 +169,8 @@ def pick() -> dg.Path:
     return dg.pick_and_place((-41, -60, 295), (-41, 60, 295))
 
 
-def walk(name: str, port: int, folder: Path, path: dg.Path) -> dict[str, str]:
-    with foreign_drives(name, port, folder) as drives:
+def walk(name: str, folder: Path, path: dg.Path) -> dict[str, str]:
+    with foreign_drives(name, folder) as drives:
         return Walk(name, drives, path).go()
 
 
@@ -196,12 +196,12 @@ def require_all(table: dict[str, dict[str, str]]) -> None:
 def test_three_makes_on_one_machine_come_up_move_fail_and_recover(
     tmp_path: Path, state: None, pick: dg.Path
 ) -> None:
-    require_all({"mixed": walk("mixed", 29840, tmp_path, pick)})
+    require_all({"mixed": walk("mixed", tmp_path, pick)})
 
 
 def test_drives_without_csp_are_refused(tmp_path: Path) -> None:
     machine = dg.Machine.default()
-    with foreign_drives("prl", 29844, tmp_path) as drives:
+    with foreign_drives("prl", tmp_path) as drives:
         for one in probe_drives(machine, drives.bus):
             assert any("does not take 8" in why for why in one.refusals)
         with pytest.raises(dg.DriveError, match="trust_csp"):
@@ -214,8 +214,5 @@ def test_drives_without_csp_are_refused(tmp_path: Path) -> None:
 def test_the_table_of_drives_by_step(tmp_path: Path, state: None, pick: dg.Path) -> None:
     with ThreadPoolExecutor(2) as pool, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of slow drives
-        walks = {
-            name: pool.submit(walk, name, 29850 + 2 * i, tmp_path, pick)
-            for i, name in enumerate(ALL)
-        }
+        walks = {name: pool.submit(walk, name, tmp_path, pick) for name in ALL}
         require_all({name: one.result() for name, one in walks.items()})

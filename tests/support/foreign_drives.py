@@ -84,18 +84,17 @@ class ForeignDrives:
 
 
 @contextmanager
-def foreign_drives(name: str, port: int, folder: Path) -> Iterator[ForeignDrives]:
+def foreign_drives(name: str, folder: Path) -> Iterator[ForeignDrives]:
     """Serve an imitation; skips, and says why, where there is none.
 
     Args:
         name: As ``run.py`` has it.
-        port: Of its bus; the next one is its control.
         folder: For its log.
     """
     if not FOLDER.is_dir():
         pytest.skip(f"no imitations of makers' drives here: {FOLDER} is missing")
     log = folder / f"{name}.log"
-    command = [sys.executable, "-B", str(FOLDER / "run.py"), name, "--port", str(port)]
+    command = [sys.executable, "-B", str(FOLDER / "run.py"), name, "--port", "0"]
     with subprocess.Popen(
         [*command, "--log", str(log)], stdout=subprocess.PIPE, text=True
     ) as served:
@@ -103,6 +102,7 @@ def foreign_drives(name: str, port: int, folder: Path) -> Iterator[ForeignDrives
         try:
             with suppress(PermissionError):  # they go by the wall clock, of a busy computer
                 os.sched_setscheduler(served.pid, os.SCHED_FIFO, os.sched_param(10))
-            yield ForeignDrives(served.stdout.readline().split()[1], port + 1, log)
+            bus = served.stdout.readline().split()[1]
+            yield ForeignDrives(bus, int(bus.rpartition(":")[2]) + 1, log)
         finally:
             served.kill()

@@ -169,6 +169,7 @@ class Drivetrain:
             self._bring_up(axes)
         if not self._connection.monitor.wait_for(lambda entry: not entry.missing, _PATIENCE):
             raise self._unanswered(self.latest.missing)
+        self._reset_at = self._connection.monitor.mark  # drives may have booted meanwhile
 
     def _listen(self) -> None:
         self._reference.begin()
@@ -222,6 +223,8 @@ class Drivetrain:
         if self._connection.monitor.wait_for(lambda _: not ignoring(), _SAYING):
             return
         silent = ignoring()
+        if self.latched:
+            self.require_power("to be enabled")
         self.disable()
         raise silent[0].error(
             "is enabled, and bit 12 of its statusword does not say that it follows its setpoints."

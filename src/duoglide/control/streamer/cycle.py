@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from duoglide.control.channel.events import Happening, Reaction, Refusal, RunState
+from duoglide.control.channel.events import Condition, Happening, Reaction, Refusal, RunState, Trip
 from duoglide.control.channel.orders import Command, Order, Power, StreamSettings
 from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.control.streamer.follower import OVER, Follower, PathActions
@@ -261,14 +261,24 @@ class Streamer:
         seen.host_gone = self._inbox.host_gone or self._closing
         if self._power is not Power.SILENT:
             self._judge()
-        elif seen.host_gone:
+        else:
+            self._look_on()
+        seen.pressed, seen.astray, seen.refused = False, 0, 0
+        self._lead.lost = 0
+
+    def _look_on(self) -> None:
+        """Tell what concerns the host while nothing is commanded, and nothing can be stopped."""
+        seen = self._watch.seen
+        for number, axis in enumerate(seen.axes, 1):
+            if axis.booted:  # it has lost its reference and what it was told
+                trip = Trip(Condition.BOOT_UP, Reaction.QUICK_STOP, number)
+                self.tell(Happening.TRIP, *trip.to_fields())
+        if seen.host_gone:
             self.done = True
         elif seen.foreign and not self._company:
             self._company = True
             self._silenced = self._cycle <= self._settings.quiet
             self.tell(Happening.FOREIGN)
-        seen.pressed, seen.astray, seen.refused = False, 0, 0
-        self._lead.lost = 0
 
     def _look_for_a_leader(self) -> None:
         """Let a drive that brakes by itself lead the others along the path, where that is good."""

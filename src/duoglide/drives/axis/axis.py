@@ -22,7 +22,7 @@ from duoglide.drives.axis.configure import (
     wait_for_boot,
 )
 from duoglide.drives.axis.objects import DriveObjects
-from duoglide.drives.axis.sdo_client import SdoRefusalError
+from duoglide.drives.axis.sdo_client import ObjectError, SdoRefusalError
 from duoglide.drives.axis.units import read_units
 from duoglide.drives.cia402 import (
     Control,
@@ -277,6 +277,14 @@ class Axis(DriveObjects):
         """Write the position at the place of reference [increments] and read it back."""
         index, sub = self.quirks.home_object
         if not self.has(index):
+            if position:
+                raise ObjectError(
+                    f"axis {self.number} (node {self.node_id}), 0x{index:04X}:{sub}: is absent, so"
+                    f" that homing could only end at 0, and must end at {position} increments",
+                    axis=self.number,
+                    index=index,
+                    sub=sub,
+                )
             return
         data = position.to_bytes(4, "little", signed=True)
         self.write_bytes(index, sub, data)

@@ -35,6 +35,7 @@ _WORTH_TELLING = 1.0  # of waiting [s]
 _SLOW, _LOOKS = 0.03, 3  # an answer that takes as long whenever it is asked for [s]
 _REQUESTS = 150  # of one bring-up, roughly
 _SPEED_ROOM = 1.1  # so that a drive that has fallen behind by a lost setpoint may catch up
+_PERIOD_AGREES = 1e-3  # share
 _MILLI, _BYTE = -3, 255  # of 0x60C2: the exponent that all drives know, the largest value
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
@@ -225,6 +226,9 @@ def configure(
             if drive.has(0x1006):
                 drive.write(0x1006, 0, 0)  # with a cycle set, a drive must not change its counter
             drive.write_checked(0x1019, 0, 0)
+    if not drive.has(0x60C2):
+        with refusals.collected():
+            require_period(drive)
     for index, sub, value in list_settings(drive, units, travel, speed):
         if drive.has(index):
             with refusals.collected():
@@ -360,6 +364,25 @@ def _fixed_exponent(drive: DriveObjects) -> int | None:
         with suppress(SdoRefusalError):  # a drive that cannot say it refuses what is written next
             return drive.read(0x60C2, 2)
     return None
+
+
+def read_period(drive: DriveObjects) -> float | None:
+    """Return over which time a drive interpolates, as 0x60C2 says [s]; None where it does not."""
+    try:
+        value, exponent = drive.read(0x60C2, 1), drive.read(0x60C2, 2)
+    except SdoRefusalError:
+        return None
+    return value * 10.0**exponent if value else None
+
+
+def require_period(drive: DriveObjects) -> None:
+    """Refuse a drive that interpolates over another time than the cycle, and is not told it."""
+    period, cycle = read_period(drive), drive.settings.cycle
+    if period is not None and abs(period - cycle) > _PERIOD_AGREES * cycle:
+        raise drive.error(
+            f"0x60C2 says that it interpolates over {period:g} s, and is in its drives.quirks"
+            f" absent: drives.cycle = {period:g} would do"
+        )
 
 
 def interpolation_time(cycle: float, fixed: int | None = None) -> tuple[int, int]:

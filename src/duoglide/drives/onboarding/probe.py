@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from duoglide.drives import pdo
-from duoglide.drives.axis.configure import PROFILE_402, list_settings
+from duoglide.drives.axis.configure import PROFILE_402, list_settings, read_period
 from duoglide.drives.axis.objects import DriveObjects
 from duoglide.drives.axis.pdo_maps import INVALID, PDO_MAPS, try_map
 from duoglide.drives.axis.sdo_client import ObjectError, SdoRefusalError
@@ -191,7 +191,13 @@ def _missing(drive: DriveObjects, found: Probed) -> set[int]:
             found.lose(item, "is not there", sub=5)
         elif item.index == HOME_OFFSET and drive.quirks.home_object[0] != HOME_OFFSET:
             missing.add(item.index)
-        elif item.need is Need.OPTIONAL or item.index == HOME_OFFSET:
+        elif item.index == HOME_OFFSET:
+            found.refusals.append(
+                "0x607C, home offset, is not there: home_object must name what holds the position"
+                " at the place of reference instead, in a machine file given with --machine"
+            )
+            missing.add(item.index)
+        elif item.need is Need.OPTIONAL:
             found.lose(item, "is not there")
             missing.add(item.index)
     for index, parameters in _SECOND_PDOS.items():
@@ -231,6 +237,12 @@ def _try_settings(
         elif index == 0x1400:
             found.quirks["setpoint_timer"] = False
             found.lose(item, f"does not take {value} ({abort})", sub)
+        elif index == 0x60C2 and (period := read_period(drive)) not in {None, drive.settings.cycle}:
+            found.refusals.append(
+                f"it interpolates over {period:g} s, and 0x60C2 does not take another"
+                f" ({abort}): drives.cycle = {period:g} would do"
+            )
+            refused.add(index)
         else:
             found.lose(item, f"does not take {value} ({abort})", sub)
             refused.add(index)
@@ -366,9 +378,9 @@ def _look_at_inputs(drive: DriveObjects, found: Probed) -> None:
     if inputs is None:
         return
     is_set = bool(inputs & pdo.INTERLOCK)
-    found.quirks["interlock"] = str(Interlock.NONE if is_set else Interlock.SET)
     said = f"bit 3 of 0x60FD (interlock) is {'set' if is_set else 'clear'} now"
     if is_set:
+        found.quirks["interlock"] = str(Interlock.NONE)
         found.unsafe.append(
             f"{said}. If safe torque off is not active now, interlock must be"
             ' "clear"; as "none" it is not seen before power is asked for'

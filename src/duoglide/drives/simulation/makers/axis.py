@@ -28,7 +28,7 @@ class ForeignAxis(HomingAxis):
     def __init__(self, imitation: Imitation) -> None:
         super().__init__()
         self._imitation = imitation
-        self._method = self.objects[_METHOD]
+        self._method = imitation.here  # until it is told another one
 
     def read(self, index: int, sub: int) -> int:
         """Return an object as the drive has it: its own place, sign and unit."""

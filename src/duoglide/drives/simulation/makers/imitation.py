@@ -36,7 +36,7 @@ class Imitation:
         absent_subs: Single sub-indices that it does not have.
         values: What objects hold at power-on, whatever the contract says; those that the contract
             does not know are read-only numbers of 32 bits.
-        fixed: Objects that cannot be written.
+        fixed: Objects that cannot be written; a PDO whose COB-ID is one is mapped while it is on.
         allowed: The only values that objects take.
         running: Numbers of further TPDOs, from 3 on, that send the statusword on every SYNC as the
             drive is delivered.

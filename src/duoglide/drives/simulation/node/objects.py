@@ -102,7 +102,7 @@ class NodeObjects:
             return self._axis.error_register
         if index == 0x1003:
             return self._read_error(sub)
-        return int(self._values[index, sub])
+        return int(self._values.get((index, sub), 0))  # of an object that it does not have, 0
 
     def write(self, index: int, sub: int, value: int) -> None:
         """Write a number under the rules of the EDS; RefusalError says which one it breaks."""
@@ -181,7 +181,8 @@ class NodeObjects:
         if not mapping:
             self._check_parameter(index, sub, value, cob_id)
             return
-        if not cob_id & _INVALID:
+        is_fixed = (index & ~0x200, 1) in self._imitation.fixed
+        if not cob_id & _INVALID and not is_fixed:
             raise RefusalError(UNSUPPORTED_ACCESS)
         if sub and self._values[index, 0]:
             raise RefusalError(UNSUPPORTED_ACCESS)
