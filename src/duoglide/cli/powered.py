@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -35,10 +34,9 @@ def require_page(port: int | None) -> None:
         return
     import viser  # noqa: F401  # says which extra is missing
 
-    try:
-        socket.create_server(("127.0.0.1", port)).close()
-    except OSError as error:
-        raise BusError(f"cannot serve the page on port {port}: {error.strerror}") from error
+    from duoglide.viewer.address import require_address
+
+    require_address("127.0.0.1", port)
 
 
 @contextmanager
