@@ -29,7 +29,7 @@ def require_address(host: str, port: int) -> None:
     try:
         places = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
         for family, _, _, _, place in places:
-            socket.create_server(place[:2], family=family).close()  # type: ignore[arg-type]
+            socket.create_server(place[:2], family=family).close()
     except socket.gaierror as error:
         raise _refusal(host, port, f"no such address: {error.strerror}") from error
     except OSError as error:
