@@ -54,6 +54,11 @@ def explain(key: str) -> dict[str, Any]:
     return known[key]
 
 
+def known_keys() -> list[str]:
+    """Return every key of a machine file by its path, ``drives.cycle``."""
+    return list(_flat(machine_schema(), ""))
+
+
 def _flat(table: dict[str, Any], prefix: str) -> dict[str, dict[str, Any]]:
     """Return every key of a schema by its path; those of tables in a list likewise."""
     found: dict[str, dict[str, Any]] = {}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from duoglide.cli.completion import TABLES, files, keys, profiles
 from duoglide.cli.console import say, say_facts, say_json, triple
 from duoglide.cli.options import Json, load_machine
 from duoglide.cli.outputs import require_place
@@ -51,7 +52,10 @@ def add_to(app: typer.Typer) -> None:
 
 def machine(
     file: Annotated[
-        Path | None, typer.Argument(help="Machine file to read. (default: Table 1)")
+        Path | None,
+        typer.Argument(
+            help="Machine file to read. (default: Table 1)", autocompletion=files(*TABLES)
+        ),
     ] = None,
     *,
     out: Annotated[
@@ -61,11 +65,21 @@ def machine(
     force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
     profile: Annotated[
         str | None,
-        typer.Option("--profile", metavar="NAME", help="Make of the drives of a new machine."),
+        typer.Option(
+            "--profile",
+            metavar="NAME",
+            help="Make of the drives of a new machine.",
+            autocompletion=profiles,
+        ),
     ] = None,
     explain: Annotated[
         str | None,
-        typer.Option("--explain", metavar="KEY", help="Say what a key of the file means."),
+        typer.Option(
+            "--explain",
+            metavar="KEY",
+            help="Say what a key of the file means.",
+            autocompletion=keys,
+        ),
     ] = None,
     schema: Annotated[
         SchemaOf | None, typer.Option("--schema", help="Print the JSON schema of such a file.")
