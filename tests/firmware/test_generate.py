@@ -13,7 +13,7 @@ import cantools
 import pytest
 
 from duoglide.drives import pdo
-from duoglide.drives.axis.configure import PDO_MAPS
+from duoglide.drives.axis.pdo_maps import PDO_MAPS
 from duoglide.drives.linear_axis import eds_path, eds_sha256, object_dictionary
 from duoglide.drives.simulation.firmware.objects import DEFAULTS
 

@@ -50,6 +50,11 @@ from duoglide.errors import DuoglideError, DuoglideWarning
 DONE, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
 
+_NO_MEMORY = (
+    "this computer gives the program no more memory or threads; a machine that had power has been"
+    " stopped and switched off. Give it more (ulimit -v, ulimit -u), or end other programs"
+)
+
 # Help is data, here and in each verb: what Python drops with -OO is no place for it.
 _HELP = """\
 Plan, check, stream, log and replay the motions of a two-rail parallel robot.
@@ -169,6 +174,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return FAILED
     except Failed as failure:
         return _tell(words, _failure(failure.cause, failure.facts, words))
+    except (MemoryError, RuntimeError) as error:
+        if not isinstance(error, MemoryError) and "new thread" not in str(error):
+            raise
+        return _tell(words, _Failure(type(error).__name__, _NO_MEMORY))
     except (DuoglideError, ImportError, OSError, KeyboardInterrupt, _USAGE, typer.Abort) as error:
         return _tell(words, _failure(error, {}, words))
     return code if isinstance(code, int) else DONE
