@@ -40,7 +40,6 @@ def require_page(port: int | None) -> None:
         return
     # All that it needs loads here, without power; it says which extra is missing.
     import duoglide.viewer.page  # noqa: F401
-
     from duoglide.viewer.address import require_address
 
     require_address("127.0.0.1", port)
