@@ -1,20 +1,36 @@
 """What mkdocs asks for while it builds: docstrings cite as Sphinx does, pages as people do."""
 
+from pathlib import Path
 from typing import Any
 
+from duoglide.control.host.commission import probe_dictionary
+from duoglide.drives.onboarding.probe_text import tables
+from duoglide.machine import Machine
 from duoglide.machine.drive_contract import CONTRACT, ContractObject, Need
 
 _CONTRACT = "<!-- the contract, object by object -->"
+_PROBED = "<!-- what probing acme_sd1.eds prints -->"
+_DICTIONARY = Path(__file__).parent / "howto" / "acme_sd1.eds"
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put tables that are made from the code in their places."""
-    return markdown.replace(_CONTRACT, contract_table()) if _CONTRACT in markdown else markdown
+    """Put what is made from the code in its places."""
+    for mark, make in ((_CONTRACT, contract_table), (_PROBED, probed_dictionary)):
+        if mark in markdown:
+            markdown = markdown.replace(mark, make())
+    return markdown
 
 
 def on_page_content(html: str, **_: Any) -> str:
     """Write citations, and what leads to a block of code, without their marks in docstrings."""
     return html.replace("[Shen2021]_", "[Shen2021]").replace("::</p>", ":</p>")
+
+
+def probed_dictionary() -> str:
+    """Return what ``duoglide drives probe --eds`` prints of the example, as a block of TOML."""
+    machine = Machine.default()
+    found = (probe_dictionary(machine, _DICTIONARY),)
+    return f"```toml\n{tables(found, machine.drives, f'dictionary {_DICTIONARY.name}')}```"
 
 
 def contract_table() -> str:

@@ -109,5 +109,4 @@ def test_the_table_of_gaps_and_the_dictionary_shown_are_those_of_the_code(
         assert item.cost in made, item
     eds = ROOT / "docs" / "howto" / "acme_sd1.eds"
     assert run(["drives", "probe", "--eds", str(eds)]) == 0
-    shown = (ROOT / "docs" / "howto" / "acme_sd1.md").read_text("utf-8")
-    assert shown == f"```toml\n{capsys.readouterr().out}```\n"
+    assert f"\n```toml\n{capsys.readouterr().out}```\n" in made

@@ -79,6 +79,7 @@ def test_misuse_is_said_before_anything_is_opened(
         (dg.DriveFault("x", axis=1), False, "reset"),
         (dg.FollowingError("x", axis=1), True, "reset"),
         (dg.DriveError("x", code=0x5441), False, "reset"),
+        (dg.DriveError("a stop is latched; reset_fault() acknowledges it"), False, "reset"),
         (dg.DriveError("x"), True, "park"),
         (dg.BusError("x"), True, "doctor"),
         (dg.DriveError("x"), False, None),

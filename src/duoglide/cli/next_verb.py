@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from duoglide.errors import BusError, DriveError, DriveFault, FollowingError, NotHomedError
 
 _KEPT = ("--bus", "--machine")  # what the next verb has to be told as well
+_RESET = "reset_fault()"  # a message that names the call asks for the verb, in a shell
 _SIMULATED = "virtual"  # whose drives have ended with the verb
 
 
@@ -32,7 +33,7 @@ def _next_verb(error: BaseException, moved: bool) -> tuple[str, ...] | None:
     if isinstance(error, NotHomedError):
         return "home", "--home-here"
     if isinstance(error, DriveFault | FollowingError) or (
-        isinstance(error, DriveError) and error.code
+        isinstance(error, DriveError) and (error.code or _RESET in str(error))
     ):
         return ("reset",)
     if isinstance(error, BusError):

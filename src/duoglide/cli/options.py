@@ -8,12 +8,19 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+from duoglide.cli.completion import TABLES, buses, files
+
 if TYPE_CHECKING:
     from duoglide.machine import Machine
 
 MachineFile: TypeAlias = Annotated[
     Path | None,
-    typer.Option("--machine", metavar="FILE", help="Machine file (TOML). (default: Table 1)"),
+    typer.Option(
+        "--machine",
+        metavar="FILE",
+        help="Machine file (TOML). (default: Table 1)",
+        autocompletion=files(*TABLES),
+    ),
 ]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Bus: TypeAlias = Annotated[
@@ -22,6 +29,7 @@ Bus: TypeAlias = Annotated[
         "--bus",
         metavar="NAME",
         help="virtual, socketcand:HOST:PORT, udp:GROUP:PORT or socketcan:IFACE.",
+        autocompletion=buses,
     ),
 ]
 Override: TypeAlias = Annotated[

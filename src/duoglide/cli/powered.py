@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -41,11 +40,9 @@ def require_page(port: int | None) -> None:
         return
     # All that it needs loads here, without power; it says which extra is missing.
     import duoglide.viewer.page  # noqa: F401
+    from duoglide.viewer.address import require_address
 
-    try:
-        socket.create_server(("127.0.0.1", port)).close()
-    except OSError as error:
-        raise BusError(f"cannot serve the page on port {port}: {error.strerror}") from error
+    require_address("127.0.0.1", port)
 
 
 @contextmanager

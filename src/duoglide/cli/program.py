@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, get_type_hints
 
 import typer
 
+from duoglide.cli.completion import PROGRAMS, files
 from duoglide.cli.console import progress
 from duoglide.cli.options import number, point
 
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
 
 Program: TypeAlias = Annotated[
     Path | None,
-    typer.Argument(metavar="PROGRAM", help="A program: TOML, CSV or G-code."),
+    typer.Argument(
+        metavar="PROGRAM", help="A program: TOML, CSV or G-code.", autocompletion=files(*PROGRAMS)
+    ),
 ]
 Pick: TypeAlias = Annotated[
     str | None,

@@ -193,18 +193,23 @@ class Machine:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tables of the TOML file: plain numbers, text, lists and dictionaries."""
-        tables: dict[str, Any] = _plain(self)
+        tables: dict[str, Any] = plain(self)
         return tables
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, schema: str = "") -> None:
         """Write the machine to a TOML file that ``load`` reads back exactly, and people easily.
+
+        Args:
+            path: Of the file.
+            schema: Address of the JSON schema to name in it, for editors; empty for none.
 
         Raises:
             ConfigError: The file cannot be written.
         """
         from duoglide.machine.toml_text import commented
 
-        text = commented(self.to_dict(), {"": Machine, **_TABLES, **_INNER_TABLES})
+        named = f"#:schema {schema}\n" if schema else ""
+        text = named + commented(self.to_dict(), {"": Machine, **_TABLES, **_INNER_TABLES})
         goal = Path(os.path.realpath(path))
         try:
             if goal.exists() and not goal.is_file():  # a terminal, or a directory: an error
@@ -234,15 +239,15 @@ def _replace(goal: Path, text: str) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Turn a dataclass into what TOML and JSON hold."""
     if is_dataclass(value):
         items = ((f.name, getattr(value, f.name)) for f in fields(value))
-        return {name: _plain(item) for name, item in items if not _left_out(item)}
+        return {name: plain(item) for name, item in items if not _left_out(item)}
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     return value
 
 

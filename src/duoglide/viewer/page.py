@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from duoglide.errors import BusError, ConfigError
+from duoglide.viewer.address import require_address, require_port
 from duoglide.viewer.door import Door, Gate
 from duoglide.viewer.machine_panel import MachinePanel
 from duoglide.viewer.mechanism import METRES, Mechanism
@@ -45,7 +46,7 @@ class Page:
 
     Raises:
         ConfigError: viser is not installed.
-        BusError: The port cannot be opened.
+        BusError: The address is not this computer's, or the port is taken.
         LogError: The file cannot be read.
     """
 
@@ -61,6 +62,7 @@ class Page:
     ) -> None:
         viser = _viser()
         below = folder or Path.cwd()
+        require_address(host, port)
         self._host = host
         self._door = Door(Gate(host), self.stop)
         try:
@@ -70,6 +72,11 @@ class Page:
                 )
         except OSError as error:
             raise BusError(f"cannot serve the page on {host}:{port}: {error}") from error
+        try:
+            require_port(host, port, self._server.get_port())
+        except BusError:
+            self._server.stop()
+            raise
         owner = Owner(self._refuse)
         owner.guard(self._server)
         self._stage(machine)

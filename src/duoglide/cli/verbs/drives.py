@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from duoglide.cli.completion import DICTIONARIES, TABLES, files
 from duoglide.cli.console import complain, say, say_json, working
 from duoglide.cli.options import Bus, Json, MachineFile, load_machine
 
@@ -69,6 +70,7 @@ def drives(
             "--scenario",
             metavar="FILE",
             help="Servo, encoder and faults of the drives (TOML); see the docs, Connect drives.",
+            autocompletion=files(*TABLES),
         ),
     ] = None,
 ) -> None:
@@ -101,7 +103,10 @@ def probe(
     eds: Annotated[
         Path | None,
         typer.Option(
-            "--eds", metavar="FILE", help="A maker's dictionary (EDS, DCF) instead of a bus."
+            "--eds",
+            metavar="FILE",
+            help="A maker's dictionary (EDS, DCF) instead of a bus.",
+            autocompletion=files(*DICTIONARIES),
         ),
     ] = None,
     as_json: Json = False,

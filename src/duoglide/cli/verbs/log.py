@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from duoglide.cli.completion import RECORDINGS, files
 from duoglide.cli.console import say, say_facts, say_json, triple, working
 from duoglide.cli.options import Json
 from duoglide.cli.outputs import Force, require_picture, require_place
@@ -41,7 +42,9 @@ def add_to(app: typer.Typer) -> None:
 
 
 def log(
-    file: Annotated[Path, typer.Argument(help="A plan or a run (.mcap).")],
+    file: Annotated[
+        Path, typer.Argument(help="A plan or a run (.mcap).", autocompletion=files(*RECORDINGS))
+    ],
     *,
     csv: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write a table, a row a cycle.")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from duoglide.cli.completion import FRAMES, RECORDINGS, files
 from duoglide.cli.console import say, say_json, working
 from duoglide.cli.motion import finish, run_with_progress
 from duoglide.cli.options import (
@@ -48,7 +49,10 @@ def add_to(app: typer.Typer) -> None:
 def replay(
     run: Annotated[
         Path,
-        typer.Argument(help="A run (.mcap), or raw frames (candump .log, .asc, .blf, .trc)."),
+        typer.Argument(
+            help="A run (.mcap), or raw frames (candump .log, .asc, .blf, .trc).",
+            autocompletion=files(*RECORDINGS, *FRAMES),
+        ),
     ],
     *,
     bus: Bus = "virtual",

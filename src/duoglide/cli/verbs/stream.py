@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from duoglide.cli.completion import RECORDINGS, files
 from duoglide.cli.motion import finish, run_with_progress
 from duoglide.cli.options import (
     Approach,
@@ -49,7 +50,9 @@ def add_to(app: typer.Typer) -> None:
 
 
 def stream(
-    plan: Annotated[Path, typer.Argument(help="A plan (.mcap).")],
+    plan: Annotated[
+        Path, typer.Argument(help="A plan (.mcap).", autocompletion=files(*RECORDINGS))
+    ],
     *,
     bus: Bus = "virtual",
     log: Annotated[

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from duoglide.cli.completion import RECORDINGS, files
 from duoglide.cli.console import say
 from duoglide.cli.options import Bus, MachineFile, load_machine
 from duoglide.storage import read_log
@@ -39,7 +40,10 @@ def add_to(app: typer.Typer) -> None:
 
 
 def view(
-    file: Annotated[Path | None, typer.Argument(help="A plan or a run to open with.")] = None,
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="A plan or a run to open with.", autocompletion=files(*RECORDINGS)),
+    ] = None,
     *,
     bus: Bus = "virtual",
     host: Annotated[

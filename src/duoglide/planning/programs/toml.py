@@ -66,12 +66,12 @@ def _add(
     if isinstance(kind, str) and kind in _ACTIONS:
         builder.act(read_action(move))
         return
-    if not isinstance(kind, str) or kind not in _MOVES:
-        known = ", ".join((*_MOVES, *_ACTIONS))
+    if not isinstance(kind, str) or kind not in MOVES:
+        known = ", ".join((*MOVES, *_ACTIONS))
         if "type" not in move:
             raise InputError(f"it lacks a type; there are {known}")
         raise InputError(f"type = {kind!r:.80}: must be one of {known}")
-    needed, optional, add = _MOVES[kind]
+    needed, optional, add = MOVES[kind]
     _refuse_unknown(move, {"type", *needed, *optional}, notes)
     for key in needed:
         if key not in move:
@@ -113,7 +113,7 @@ def _add_arch(builder: PathBuilder, move: Mapping[str, Any]) -> None:
 
 
 _Add = Callable[[PathBuilder, Mapping[str, Any]], None]
-_MOVES: dict[str, tuple[tuple[str, ...], tuple[str, ...], _Add]] = {
+MOVES: dict[str, tuple[tuple[str, ...], tuple[str, ...], _Add]] = {
     "line": (("to",), ("speed", "tolerance"), _add_line),
     "arc": (("via", "to"), ("speed", "tolerance"), _add_arc),
     "through": (("points",), ("speed", "tolerance"), _add_through),
@@ -127,7 +127,7 @@ _MOVES: dict[str, tuple[tuple[str, ...], tuple[str, ...], _Add]] = {
 }
 
 
-KEYS = _HEADER | {key for needed, free, _ in _MOVES.values() for key in (*needed, *free)}
+KEYS = _HEADER | {key for needed, free, _ in MOVES.values() for key in (*needed, *free)}
 KEYS |= {"type", "axis", "bit", "value", "timeout", "seconds"}
 """All keys that mean something in a TOML program."""
 
