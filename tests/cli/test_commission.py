@@ -8,12 +8,12 @@ from math import pi
 from pathlib import Path
 
 import pytest
-from duoglide.drives.simulation.simulated import SimulatedDrives
 
 import duoglide as dg
 from duoglide.cli.main import run
 from duoglide.control.host.commission import plan_lag_motion
 from duoglide.drives.simulation.plant import PlantParameters
+from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
 
 FEED_FORWARD = 0.9, 0.95, 1.0
