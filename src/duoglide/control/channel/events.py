@@ -103,6 +103,7 @@ class Condition(Enum):
     LASTING = "carriage stays away from where its setpoints lead"
     LOST = "setpoints do not act, or something holds the carriage"
     ASTRAY = "carriage has not arrived at the last setpoint"
+    UNLED = "drive that brakes by itself cannot be followed along the path any more"
 
     @property
     def concerns_bus(self) -> bool:

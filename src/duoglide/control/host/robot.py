@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
@@ -31,6 +32,7 @@ from duoglide.errors import DriveError, DuoglideError, InputError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward
 from duoglide.motion.path_clock import require_override
+from duoglide.planning.braking.led import led_stops
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
@@ -453,11 +455,14 @@ class Robot:
     ) -> PreparedSetpoints:
         """Hand a trajectory to the streamer, every setpoint of it validated.
 
-        What it leaves the carriages bounds how far they may be off; a way out has nothing left.
+        What it leaves the carriages bounds how far they may be off, and whether a drive that brakes
+        by itself may lead the others; a way out has nothing left.
         """
         self._number += 1
         margin_at = None if way_out else margin_of(trajectory, self.machine)
         prepared = prepare(trajectory, fence, self._number, phase, margin_at)
+        if not way_out:
+            prepared = replace(prepared, led=led_stops(trajectory))
         self._connection.process.load(prepared)
         return prepared
 
