@@ -33,6 +33,8 @@ def test_nothing_follows_when_all_is_well() -> None:
     ("changes", "condition", "reaction"),
     [
         ({"emergency": 0x4210}, Condition.EMERGENCY, Reaction.STOP_ON_PATH),
+        ({"emergency": 0x8100}, Condition.EMERGENCY, Reaction.QUICK_STOP),  # not heard: it stops
+        ({"emergency": 0x8250}, Condition.EMERGENCY, Reaction.QUICK_STOP),
         ({"state": State.FAULT}, Condition.FAULT, Reaction.QUICK_STOP),
         ({"state": State.FAULT_REACTION_ACTIVE}, Condition.FAULT, Reaction.QUICK_STOP),
         ({"state": None}, Condition.UNDEFINED, Reaction.QUICK_STOP),
@@ -40,6 +42,7 @@ def test_nothing_follows_when_all_is_well() -> None:
         ({"statusword": 0x3237}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
         ({"following": 1001}, Condition.FOLLOWING_ERROR, Reaction.STOP_ON_PATH),
         ({"away": True}, Condition.LOST, Reaction.STOP_ON_PATH),
+        ({"away": True, "far": True}, Condition.LOST, Reaction.QUICK_STOP),
         ({"stays": True}, Condition.LASTING, Reaction.STOP_ON_PATH),
         ({"statusword": 0x0237}, Condition.NOT_FOLLOWING, Reaction.QUICK_STOP),
         ({"limited": 3}, Condition.LIMIT, Reaction.STOP_ON_PATH),
@@ -79,6 +82,15 @@ def test_what_concerns_all_of_them_has_its_row_too(
 ) -> None:
     (trip,) = assess(observation(**changes), POLICY)
     assert (trip.condition, trip.reaction) == (condition, reaction)
+
+
+@pytest.mark.parametrize("changes", [{"following": 1001}, {"away": True}, {"stays": True}], ids=str)
+def test_a_carriage_that_is_not_where_it_stands_gets_a_quick_stop(
+    changes: dict[str, object],
+) -> None:
+    """No path is left to stop on, and its drive would pull, or creep away, under power."""
+    (trip,) = assess(observation(replace(WELL, **changes), moving=False), POLICY)
+    assert trip.reaction is Reaction.QUICK_STOP
 
 
 @pytest.mark.parametrize(

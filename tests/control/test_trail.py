@@ -12,6 +12,7 @@ from straight import Straight
 
 import duoglide as dg
 from duoglide.control.channel.events import Condition, Happening
+from duoglide.control.channel.orders import Power
 from duoglide.control.host.run.conduct import ConductTally
 from duoglide.drives.simulation.plant import PlantParameters
 
@@ -96,6 +97,121 @@ def test_setpoints_lost_in_a_row_are_counted_and_stopped_for(cell: CellByHand) -
     assert (Condition.LOST, 1) in cell.tripped()
     assert sum(event.code for event in cell.events_of_loss) >= 2
     assert cell.happened(Happening.TRIP)[0].cycle - before < 12
+
+
+def test_a_drive_that_hears_no_setpoints_any_more_is_not_left_to_its_watchdog(
+    cell: CellByHand,
+) -> None:
+    cell.to_drives = only(0x201, lose(FOR_GOOD))
+    begun_at = cell.number
+    cell.to_the_end()
+    quick = next(entry for entry in cell.log if entry.power == Power.QUICK_STOP)
+    assert (Condition.LOST, 1) in cell.tripped()
+    assert quick.cycle - begun_at <= 10
+    assert abs(quick.following[0]) < 4_000
+
+
+def test_a_carriage_that_creeps_away_where_it_stands_is_stopped_by_its_drive(
+    machine: dg.Machine,
+) -> None:
+    cell = CellByHand(machine, START).enable()
+    cell.to_drives = only(0x203, move(lambda k: 20 * k))
+    cell.cycles(300)
+    assert cell.log[-1].power == Power.QUICK_STOP
+    assert {axis for _, axis in cell.tripped()} == {3}
+    there = cell.rack.nodes[2].plant.position
+    cell.cycles(200)
+    assert cell.rack.nodes[2].plant.position == pytest.approx(there, abs=0.01)
+
+
+def garble(word: int) -> Spoil:
+    """Change one statusword."""
+    left = [1]
+
+    def change(frame: Frame) -> list[Frame]:
+        left[0] -= 1
+        good, place = WORDS.unpack(frame[1])
+        return [(frame[0], WORDS.pack(word if left[0] >= 0 else good, place))]
+
+    return change
+
+
+def late(frames: int) -> Spoil:
+    """Let some frames come right before their next one."""
+    waiting: list[Frame] = []
+    left = [frames]
+
+    def change(frame: Frame) -> list[Frame]:
+        left[0] -= 1
+        if left[0] >= 0:
+            waiting.append(frame)
+            return []
+        came = [*waiting, frame]
+        waiting.clear()
+        return came
+
+    return change
+
+
+BENIGN = {  # docs/faults.md has the same list
+    "one setpoint lost": ("to_drives", 0x201, lambda: lose(1)),
+    "two setpoints lost in a row": ("to_drives", 0x202, lambda: lose(2)),
+    "one feedback lost": ("to_host", 0x181, lambda: lose(1)),
+    "two feedbacks of a drive lost in a row": ("to_host", 0x183, lambda: lose(2)),
+    "one SYNC lost": ("to_drives", 0x080, lambda: lose(1)),
+    "one setpoint one cycle late": ("to_drives", 0x201, lambda: late(1)),
+    "one feedback one cycle late": ("to_host", 0x182, lambda: late(1)),
+    "one statusword that cannot be": ("to_host", 0x182, lambda: garble(0xFFFF)),
+    "setpoints one cycle late for good": ("to_drives", 0x201, None),
+    "feedback one cycle late for good": ("to_host", 0x181, None),
+    "feedback with 0.1 mm of noise": (
+        "to_host",
+        0x182,
+        lambda: move(lambda k: round(np.random.default_rng(k).normal(0.0, 100.0))),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BENIGN)
+@pytest.mark.parametrize("at", [20, 70, 110])
+def test_what_is_benign_stops_nothing(machine: dg.Machine, name: str, at: int) -> None:
+    way, identifier, spoil = BENIGN[name]
+    cell = CellByHand(machine, START)
+    if spoil is None:
+        setattr(cell, way, only(identifier, hold(1)))
+    cell.enable()
+    cell.run(Straight(cell.machine, START, length=250.0, duration=0.25))
+    cell.cycles(at)
+    if spoil is not None:
+        setattr(cell, way, only(identifier, spoil()))
+    cell.to_the_end()
+    assert cell.completed and not cell.tripped()
+
+
+@pytest.mark.parametrize("skipped", [1, 2])
+def test_a_cycle_or_two_that_come_late_stop_nothing(cell: CellByHand, skipped: int) -> None:
+    cell.cycles(1, skipped)
+    cell.to_the_end()
+    assert cell.completed and not cell.tripped()
+
+
+def test_feedback_two_cycles_late_is_stopped_for_at_speed_and_remarked(
+    machine: dg.Machine,
+) -> None:
+    cell = CellByHand(machine, START)
+    cell.to_host = only(0x182, hold(2))
+    begun(cell).to_the_end()
+    assert cell.tripped()[0] == (Condition.FOLLOWING_ERROR, 2)
+    (remark,) = conduct_of(cell)
+    assert remark.startswith("axis 2: follows 2.0 cycles later")
+
+
+def test_feedback_with_2_mm_of_noise_is_stopped_for_and_remarked(cell: CellByHand) -> None:
+    chance = np.random.default_rng(5)
+    cell.to_host = only(0x182, move(lambda k: int(chance.integers(-2000, 2001))))
+    cell.to_the_end()
+    assert {axis for _, axis in cell.tripped()} == {2}
+    assert any(remark.startswith("axis 2: feedback is noisy") for remark in conduct_of(cell))
 
 
 OFF_FOR_GOOD = {

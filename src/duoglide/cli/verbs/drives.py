@@ -11,7 +11,15 @@ import typer
 
 from duoglide.cli.completion import DICTIONARIES, TABLES, files
 from duoglide.cli.console import complain, say, say_json, working
-from duoglide.cli.options import Bus, Json, MachineFile, load_machine
+from duoglide.cli.options import (
+    Bus,
+    HomeHere,
+    Json,
+    MachineFile,
+    Override,
+    load_machine,
+    override_factor,
+)
 
 if TYPE_CHECKING:
     from duoglide.drives.onboarding.probe import Probed
@@ -51,12 +59,29 @@ duoglide drives probe --eds maker.eds
 _LOOK = 0.5  # [s] between two looks whether they still run
 _WATCH = 0.02  # [s] the same, as long as a fault is to come
 
+_COMMISSION_HELP = """\
+Learn how the drives trail their setpoints, from a motion along the rails.
+
+Homes, approaches the home pose, goes along the rails and back, twice, and prints drives.lag and
+drives.acceleration_lag for the machine file, as TOML on stdout: the nearer they are to what the
+drives do, the better a carriage that is off is told from one that trails. Begin with a low
+--override, and end with 100 %: acceleration_lag needs acceleration to show.
+"""
+_COMMISSION_EXAMPLE = """\
+Examples:
+
+duoglide drives commission
+
+duoglide drives commission --bus socketcan:can0 --machine cell.toml --override 20 --home-here
+"""
+
 
 def add_to(app: typer.Typer) -> None:
     """Add the verb to the command line."""
     group = typer.Typer(invoke_without_command=True, help=_HELP, epilog=_EXAMPLE)
     group.callback()(drives)
     group.command("probe", help=_PROBE_HELP, epilog=_PROBE_EXAMPLE)(probe)
+    group.command("commission", help=_COMMISSION_HELP, epilog=_COMMISSION_EXAMPLE)(commission)
     app.add_typer(group, name="drives")
 
 
@@ -134,6 +159,35 @@ def probe(
             complain(why, 1)
     if unusable:
         raise typer.Exit(1)
+
+
+def commission(
+    *,
+    bus: Bus = "virtual",
+    machine: MachineFile = None,
+    distance: Annotated[
+        float, typer.Option("--distance", metavar="MM", help="How far; below 0 towards -y.")
+    ] = 100.0,
+    override: Override = "100",
+    home_here: HomeHere = False,
+    as_json: Json = False,
+) -> None:
+    """Learn how the drives trail their setpoints, from a motion along the rails."""
+    factor = override_factor(override)
+    described = load_machine(machine)
+    from duoglide.cli.motion import run_with_progress
+    from duoglide.cli.powered import under_power
+    from duoglide.control.host.commission import lag_tables, plan_lag_motion
+
+    with working("planning"):
+        motion = plan_lag_motion(described, distance)
+    with under_power(described, bus, home_here=home_here, run=(motion, True)) as robot:
+        report = run_with_progress(robot, motion, log=None, approach=True, override=factor)
+    text = lag_tables(report.drives)
+    if as_json:
+        say_json("drives", {"toml": text, "drives": [drive.to_dict() for drive in report.drives]})
+    else:
+        print(text, end="", flush=True)  # as it is, to be pasted
 
 
 def _name(one: Probed) -> str:

@@ -21,12 +21,15 @@ from duoglide.errors import DriveError, InputError
 from duoglide.kinematics.home import home_carriages
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from duoglide.control.channel.scale import Triple
     from duoglide.control.host.robot import Robot
+    from duoglide.control.host.run.conduct import DriveConduct
     from duoglide.drives.axis.axis import AxisReport
     from duoglide.machine import Machine
+    from duoglide.planning.trajectory import Trajectory
 
 CREEP = 0.02  # share of the planned speed
 _AGREES = 0.2  # share of the distance by which the feedback may be off
@@ -103,6 +106,44 @@ def creep(robot: Robot, axis: int, distance: float = 1.0) -> CreepCheck:
     if abs(check.moved[axis - 1] - distance) > _AGREES * abs(distance):
         raise DriveError(f"the feedback does not show the move: {check}", axis=axis)
     return check
+
+
+def plan_lag_motion(machine: Machine, distance: float = 100.0) -> Trajectory:
+    """Plan what the lags of drives are learned from: along the rails, there and back, twice.
+
+    All three carriages move alike, with all the speed and acceleration that the distance allows.
+
+    Args:
+        machine: It begins and ends in its home pose.
+        distance: How far it goes, towards +y; below 0 towards -y [mm].
+
+    Raises:
+        PathError: There is no room for it.
+    """
+    from duoglide.kinematics.home import home_position
+    from duoglide.motion.path.path import Path
+    from duoglide.planning.plan import plan
+
+    home = home_position(machine)
+    there = home + np.array((0.0, distance, 0.0))
+    return plan(machine, Path.polyline([home, there, home, there, home]))
+
+
+def lag_tables(drives: Sequence[DriveConduct]) -> str:
+    """Write what was learned of three drives as lines of a machine file (TOML).
+
+    Args:
+        drives: Of the report of a run of ``plan_lag_motion``.
+    """
+    lags = ", ".join(f"{drive.lag:.3g}" for drive in drives)
+    bends = ", ".join(f"{drive.acceleration_lag:.3g}" for drive in drives)
+    rest = ", ".join(f"{abs(drive.offset) + drive.noise:.3f}" for drive in drives)
+    return (
+        "[drives]\n"
+        f"lag = [{lags}]  # s\n"
+        f"acceleration_lag = [{bends}]  # s^2\n"
+        f"# offset and noise that this leaves: {rest} mm\n"
+    )
 
 
 def probe_drives(machine: Machine, bus: str, node: int | None = None) -> tuple[Probed, ...]:

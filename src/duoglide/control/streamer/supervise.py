@@ -84,6 +84,8 @@ class Observation:
 
 _FOLLOWING_ERROR = int(Status.FOLLOWING_ERROR)  # plain numbers: an IntFlag's & costs 1.5 us
 _FOLLOWS = int(Status.FOLLOWS_COMMAND)
+_COMMUNICATION = 0x8100  # emergency codes of drives that do not hear their host, and stop (0x6007)
+_NOT_HEARD = (0x8250, 0x8700)  # setpoints, or SYNC
 
 
 def assess(seen: Observation, policy: Policy) -> Iterator[Trip]:
@@ -131,17 +133,19 @@ def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]
         return
     follows = axis.state is State.OPERATION_ENABLED
     stop = Reaction.STOP_ON_PATH if follows else Reaction.QUICK_STOP
-    if axis.emergency:
-        yield Trip(Condition.EMERGENCY, stop, number, axis.emergency)
+    if code := axis.emergency:
+        deaf = code & 0xFF00 == _COMMUNICATION or code in _NOT_HEARD
+        yield Trip(Condition.EMERGENCY, Reaction.QUICK_STOP if deaf else stop, number, code)
     if not follows:
         yield Trip(_NOT_ENABLED.get(axis.state, Condition.NOT_ENABLED), stop, number)
         return
+    off = stop if seen.moving else Reaction.QUICK_STOP  # it would pull, or creep, where it stands
     if axis.statusword & _FOLLOWING_ERROR or axis.following > axis.allowed:
-        yield Trip(Condition.FOLLOWING_ERROR, stop, number)
+        yield Trip(Condition.FOLLOWING_ERROR, off, number)
     if axis.away:
-        yield Trip(Condition.LOST, stop, number)
+        yield Trip(Condition.LOST, Reaction.QUICK_STOP if axis.far else off, number)
     if axis.stays:
-        yield Trip(Condition.LASTING, stop, number)
+        yield Trip(Condition.LASTING, off, number)
     if axis.limited >= policy.missing:  # for less, it caught up with setpoints that were lost
         yield Trip(Condition.LIMIT, stop, number)
     if axis.alone >= policy.missing or axis.missing >= policy.silence:
@@ -207,7 +211,7 @@ class Watch:
         """
         for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
             track.fill(view)
-            view.following, view.stays, view.away = 0.0, False, False
+            view.following, view.stays, view.away, view.far = 0.0, False, False, False
             if homing or track.homing:
                 view.statusword = 0  # bits 12 and 13 mean something else there
             elif due is not None and not track.missing and index + 1 != self.leader:
@@ -223,7 +227,7 @@ class Watch:
         row = [setpoint[index] for setpoint in due.setpoints]
         trail.see(track.actual, row, due.margin / trail.rule.mm, unsure)
         view.following, view.allowed = trail.off, trail.allowed
-        view.stays, view.away = trail.stays, trail.breaks_away
+        view.stays, view.away, view.far = trail.stays, trail.breaks_away, trail.is_far
 
     def farthest_from(self, goal: IntTriple) -> int:
         """Return the axis that is too far from the end of a run, 1 to 3; 0 where all are there."""

@@ -28,7 +28,8 @@ class AxisView:
     following: float = 0.0  # from where the drive's model expects it [increments] ...
     allowed: float = float("inf")  # ... and how much that may be
     stays: bool = False  # that the average of it is too much
-    away: bool = False  # that it gets away from its setpoints
+    away: bool = False  # that it gets away from its setpoints ...
+    far: bool = False  # ... so far that it does not hear them any more
     missing: int = 0
     alone: int = 0  # of those missing, while another drive answered
     heartbeat: int = 0

@@ -26,6 +26,7 @@ _MOST_LAG = 0.25  # cycles of lag that are taken as a drive's own without being 
 _MOST_BEND = 20.0  # ... and cycles^2; more is for ``drives.lag`` to say
 _MORE = 3.0  # times the usual distance, from which on it is a departure
 _BRIDGED = 2  # cycles in a row in which a carriage gets away
+_FAR = 10.0  # times a departure; few setpoints lost in a row do not come to that
 _CALM = 10  # cycles without a departure, after which it is over
 _LONGEST = 100  # cycles after which a departure is told although it goes on
 
@@ -154,6 +155,11 @@ class AxisTrail:
     def breaks_away(self) -> bool:
         """Whether the carriage is getting away from its setpoints, too far to be bridged."""
         return self._row >= _BRIDGED and abs(self._last) > self.rule.lasting
+
+    @property
+    def is_far(self) -> bool:
+        """Whether it gets away so far that its drive does not hear its setpoints any more."""
+        return self._row >= _BRIDGED and abs(self._last) > _FAR * self.rule.departure
 
     @property
     def departure_is_over(self) -> bool:
