@@ -8,6 +8,9 @@ from enum import Enum, IntEnum
 from duoglide.control.channel.ring import EventEntry
 from duoglide.drives.cia402 import emergency_words
 
+FIFO = 1
+"""Bit of the code of ``Happening.READY``: the stream has real-time priority."""
+
 
 class Happening(IntEnum):
     """What the streamer tells beside its cycles; fields of ``EventEntry`` in brackets."""

@@ -326,7 +326,9 @@ class Streamer:
             return
         if reaction is Reaction.QUICK_STOP:
             self._end_run(Happening.STOPPED, by_themselves=True)
-            self._power, self._enabled = Power.QUICK_STOP, False
+            if self._power is not Power.OFF:  # what is being switched off must not stay on
+                self._power = Power.QUICK_STOP
+            self._enabled = False
         elif self._follower is not None:
             self._follower.stop()
 

@@ -217,6 +217,8 @@ class Watch:
     def _judge_trail(self, index: int, track: AxisTrack, due: DueSetpoints) -> None:
         view, trail = self.seen.axes[index], self.trails[index]
         # after a gap the answer may be to an earlier SYNC, for a while
+        if not trail.rule.tells:
+            view.statusword |= _FOLLOWS
         unsure = due.unsure if track.settled else max(due.unsure, _UNSURE + track.gap)
         row = [setpoint[index] for setpoint in due.setpoints]
         trail.see(track.actual, row, due.margin / trail.rule.mm, unsure)
