@@ -9,6 +9,7 @@ millimetre of its carriage moves the platform across the path.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ _RESERVE = 0.2  # [mm] of what is promised, for servo loops that are asked for s
 _TURN = 0.5  # [mm] that the drive stays away from where its plan turns it round: no path beyond
 _FEWEST = 2.0  # cycles that the drive takes to come to rest; others cannot follow a jolt
 _PARTS = 2  # samples in a cycle
+_CHUNK = 2000  # cycles that are tried together
 _EXTRA = 12  # cycles to catch up in, after the drive has come to rest
 _FASTEST = 0.95  # path time per time that following may ask for; behind a drive that brakes no
 # harder than the plan nothing can be made up for, as path time is never faster than planned
@@ -139,7 +141,7 @@ class _Trial:
         self._d = deceleration * samples.cycle**2
         places = samples.carriages[:, index]
         self._way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
-        self._start = self._way[::_PARTS]
+        self._begin, self._start = samples.times[::_PARTS], self._way[::_PARTS]
         turns = np.flatnonzero(np.diff(np.sign(samples.steps[:, index])))
         ends = np.append(self._way[turns], self._way[-1])
         self._end = ends[np.searchsorted(turns, np.arange(len(places)))][::_PARTS]
@@ -151,8 +153,19 @@ class _Trial:
 
         It is inf where the others cannot follow, or where links might part.
         """
-        s, d = self._samples, self._d
-        begin = s.times[::_PARTS]
+        parts = [self._part(k) for k in range(0, len(self._v), _CHUNK)]
+        return np.concatenate([part._follow() for part in parts])
+
+    def _part(self, first: int) -> _Trial:
+        """Return the trial of some cycles in a row."""
+        part, rows = copy(self), slice(first, first + _CHUNK)
+        part._begin, part._start, part._end = self._begin[rows], self._start[rows], self._end[rows]
+        part._v, part._turns = self._v[rows], self._turns[rows]
+        return part
+
+    def _follow(self) -> FloatArray:
+        """Return what ``run`` does, of all cycles at once."""
+        s, d, begin = self._samples, self._d, self._begin
         before, newest = begin + (REACTION - 1) * s.cycle, begin + REACTION * s.cycle
         old, now = s.between(s.carriages, before), s.between(s.carriages, newest)
         good = (self._v > max(_FEWEST * d, LEAST_STEP)) & ~self._turns
