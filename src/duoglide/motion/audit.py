@@ -158,7 +158,7 @@ class Audit:
         if not np.isnan(self.stays_on_path).any():
             shares = ", ".join(f"{100.0 * share:.0f} %" for share in self.stays_on_path)
             lines.append(
-                f"within {PROMISED:g} mm of the path if drive 1, 2 or 3 brakes by itself: in"
+                f"within {PROMISED:g} mm of its path, should drive 1, 2 or 3 stop by itself: in"
                 f" {shares} of the time"
             )
         if self.fallback:
