@@ -236,7 +236,7 @@ def _bus() -> Iterator[Fault]:
 def _drives() -> Iterator[Fault]:
     """Yield what can happen to drives."""
     for axis in (1, 2, 3):
-        yield drive(f"device fault, axis {axis}", QUICK, faults.DeviceFault(axis))
+        yield drive(f"device fault, axis {axis}", ANY_STOP, faults.DeviceFault(axis))
     yield drive("jam, axis 1", ANY_STOP, faults.Jam(1))
     yield drive("safe torque off, axis 3", QUICK, faults.Sto(3))
     yield drive("no feedback, axis 2", ANY_STOP, faults.Silence(2, heartbeat=False))

@@ -8,6 +8,7 @@ from struct import Struct
 import numpy as np
 import pytest
 from cell_by_hand import CellByHand, Frame
+from drive_stops import closes
 from led_runs import FIVE_LINES, LedRuns, by_themselves, fail, given_up
 
 import duoglide as dg
@@ -38,7 +39,7 @@ def states(cell: CellByHand) -> list[State]:
     return [drive.state for drive in cell.rack.snapshot()]
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", [1, 3])
 def test_the_platform_stays_within_a_millimetre_where_that_is_promised(
     runs: LedRuns, axis: int
 ) -> None:
@@ -48,6 +49,13 @@ def test_the_platform_stays_within_a_millimetre_where_that_is_promised(
     assert not by_themselves(cell) and not given_up(cell)
     assert (Condition.FAULT, axis) in cell.tripped()
     assert [i for i, state in enumerate(states(cell), 1) if state is State.FAULT] == [axis]
+
+
+def test_elsewhere_the_others_may_follow_too_though_less_is_promised(runs: LedRuns) -> None:
+    cell = runs.until(runs.allowed(2)[len(runs.allowed(2)) // 2])
+    fail(cell, 2)
+    assert runs.off_path(cell) < 3.5
+    assert not by_themselves(cell)
 
 
 def test_without_it_the_platform_leaves_its_path_by_more(runs: LedRuns) -> None:
@@ -193,3 +201,45 @@ def test_a_drive_that_brakes_is_told_to_a_quarter_of_a_millimetre_after_some_cyc
     place, velocity = drive.after(3)
     assert place == pytest.approx(v * (began + t) - 0.5 * harder * d * t * t, abs=0.25)
     assert velocity == pytest.approx(v - harder * d * t, abs=0.12)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_random_faults_on_random_paths_part_no_links(seed: int) -> None:
+    """Anywhere, also where a second drive fails meanwhile; more in benchmarks/led_stops.py."""
+    rng, machine = np.random.default_rng(seed), dg.Machine.default()
+    points = rng.uniform([-60.0, -120.0, 290.0], [60.0, 120.0, 320.0], (4, 3))
+    runs = LedRuns.of(dg.plan(machine, dg.Path.polyline(points, tolerance=5.0)))
+    assert runs.stops is not None
+    for number in range(4):
+        first, second = rng.permutation(AXES)[:2].tolist()
+        cell = runs.until(int(rng.integers(2, len(runs.stops.promised) - 4)))
+        fail(cell, first)
+        places: list[np.ndarray] = []
+        later = int(rng.integers(1, 8)) if number % 2 else -1
+        runs.off_path(cell, 60, fail_at(later, cell, second), places)
+        assert closes(machine.geometry, np.array(places)).all()
+
+
+def fail_at(later: int, cell: CellByHand, axis: int) -> Callable[[int], None]:
+    return lambda number: fail(cell, axis) if number == later else None
+
+
+@pytest.mark.parametrize(("by_message", "cycles"), [(True, 2), (False, 3)])
+def test_the_others_react_within_the_reaction_cycles(
+    runs: LedRuns, by_message: bool, cycles: int
+) -> None:
+    """From the SYNC after which a drive fails to the one at which the first other setpoint acts."""
+    cycle = fastest(runs, 3)
+    sent: list[list[int]] = []
+    for fails in (False, True):
+        cell = runs.until(cycle)
+        before = len(cell.log)
+        if fails and by_message:
+            fail(cell, 3)
+        elif fails:
+            cell.rack.nodes[2].axis._quick_stop()
+        cell.cycles(8)
+        sent.append([entry.setpoint[0] for entry in cell.log[before - 1 :]])
+    told = next(k for k, (a, b) in enumerate(zip(*sent, strict=True)) if a != b)
+    # The second entry is of the cycle of the fault; what is sent after a SYNC acts at the next one.
+    assert told == cycles <= runs.plan.machine.reaction_cycles

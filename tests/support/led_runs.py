@@ -69,7 +69,11 @@ class LedRuns:
         return [k for k, mask in enumerate(self.stops.allowed) if mask >> (axis - 1) & 1]
 
     def off_path(
-        self, cell: CellByHand, cycles: int = 90, each: Callable[[int], object] | None = None
+        self,
+        cell: CellByHand,
+        cycles: int = 90,
+        each: Callable[[int], object] | None = None,
+        places: list[np.ndarray] | None = None,
     ) -> float:
         """Let time pass; return how far the platform leaves its path [mm], inf where links part.
 
@@ -77,8 +81,9 @@ class LedRuns:
             cell: In which a drive has failed just now.
             cycles: Until all stand.
             each: Is called before each cycle with its number, from 0.
+            places: Takes where the carriages really are after each [mm].
         """
-        places = []
+        places = [] if places is None else places
         for number in range(cycles):
             if each is not None:
                 each(number)

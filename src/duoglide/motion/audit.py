@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray, read_only
 from duoglide.machine import CarriageLimits
+from duoglide.motion.led_stops import PROMISED, LedStops
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.picks import count_picks
@@ -77,6 +78,9 @@ class Audit:
             instant of the motion: a lower bound, certain between samples too; NaN where that was
             not looked at.
         braking_cost: By how much longer the motion takes for that [s].
+        stays_on_path: For which share of the duration it is promised, of each drive, that the
+            platform stays within 1 mm of its path should that drive fail and brake by itself, shape
+            (3,), 0 to 1; NaN where that was not looked at.
         feed_share: For which share of the duration the caps that the program itself sets on the
             tool's speed and acceleration hold the motion back, 0 to 1.
         picks: How many moves up, across and down the motion is made of; 0 where it is another.
@@ -96,6 +100,7 @@ class Audit:
     carriage_margin: float
     braking_clearance: float
     braking_cost: float
+    stays_on_path: FloatArray
     feed_share: float = 0.0
     picks: int = 0
 
@@ -150,13 +155,24 @@ class Audit:
                 f"brake-safe, {cost}: clearance while all drives brake by themselves at least"
                 f" {self.braking_clearance:.3f} mm"
             )
+        if not np.isnan(self.stays_on_path).any():
+            shares = ", ".join(f"{100.0 * share:.0f} %" for share in self.stays_on_path)
+            lines.append(
+                f"within {PROMISED:g} mm of its path, should drive 1, 2 or 3 stop by itself: in"
+                f" {shares} of the time"
+            )
         if self.fallback:
             lines.append(f"slower certified timing: {self.fallback}")
         return "\n".join(lines)
 
 
-def audit(motion: Motion) -> Audit:
-    """Measure ``motion``: see ``Trajectory.audit``."""
+def audit(motion: Motion, led: LedStops | None = None) -> Audit:
+    """Measure ``motion``: see ``Trajectory.audit``.
+
+    Args:
+        motion: To be measured.
+        led: Where drives may lead the others; None where that was not looked at.
+    """
     step = _step(motion)
     if motion.duration / step <= MOST_SAMPLES:
         worst, times, use, limiting = _by_differences(motion, step)
@@ -180,6 +196,7 @@ def audit(motion: Motion) -> Audit:
         carriage_margin=motion.path.carriage_margin,
         braking_clearance=report.braking_clearance,
         braking_cost=max(motion.duration - before, 0.0) if before > 0.0 else 0.0,
+        stays_on_path=read_only(np.full(3, np.nan) if led is None else np.array(led.shares)),
         feed_share=_feed_share(motion),
         picks=count_picks(path.checked.path) if isinstance(path, CarriagePath) else 0,
     )

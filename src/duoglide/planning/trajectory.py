@@ -118,8 +118,9 @@ class Trajectory(Motion):
         The step is longer where the limits are so low that rounding would look like jerk.
         """
         from duoglide.motion.audit import audit
+        from duoglide.planning.braking.led import led_stops
 
-        return audit(self)
+        return audit(self, led_stops(self))
 
     def lower_bound(self) -> float:
         """Return a duration that no motion along this curve can beat [s]: toppra, without jerk.

@@ -107,6 +107,7 @@ def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
         "least_clearance": audit.least_clearance,
         "carriage_margin": audit.carriage_margin,
         "braking_clearance": audit.braking_clearance,
+        "stays_on_path": audit.stays_on_path,
         "limited_by": audit.explain(),
         "method": trajectory.report.method.value,
         "fallback": audit.fallback,
@@ -133,6 +134,8 @@ def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
     if not isnan(audit.braking_clearance):
         least = f"{audit.braking_clearance:.2f} mm at least"
         rows.append(("while braking", f"{least}, every drive by itself"))
+    promised = f"{percent(audit.stays_on_path)} of the time, should that drive brake by itself"
+    rows.append(("stays on its path", promised))
     if audit.fallback:
         rows.append(("slower, certified", audit.fallback))
     return rows

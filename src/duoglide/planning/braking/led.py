@@ -1,18 +1,20 @@
 """Where a plan lets a drive that brakes by itself lead the others, so that the platform stays.
 
-Every cycle of the plan is tried for every drive: it leaves the plan there and brakes, the others go
-on for ``REACTION`` cycles, and then catch up with it along the path as the streamer has them do
-(``control/streamer/led_stop.py``). The platform is off its path by how far that drive is from where
-the others put it, times what a millimetre of its carriage moves the platform across the path.
+Every cycle of the plan is tried for every drive: it leaves the plan there and brakes, as hard and
+as gently as ``quick_stop_tolerance`` says; the others go on for ``REACTION`` cycles, and then catch
+up with it along the path as the streamer has them do (``control/streamer/led_stop.py``). The
+platform is off its path by how far that drive is from where the others put it, times what a
+millimetre of its carriage moves the platform across the path.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
-from duoglide.arrays import AXES, FloatArray
+from duoglide.arrays import AXES, BoolArray, FloatArray
 from duoglide.kinematics.carriage_margin import carriage_margin
 from duoglide.kinematics.model import jacobian
 from duoglide.motion.led_stops import LEAST_STEP, PROMISED, LedStops, catch_up
@@ -21,11 +23,14 @@ from duoglide.motion.motion import Motion
 REACTION = 2  # cycles from a fault to the others' first setpoint, if a message tells it at once
 CATCH_UP = 2.0  # times the stop limits: what a fault may ask of the others, for some cycles
 _ALLOWED = 3.0  # [mm] off the path, above which braking apart is as good
-_RESERVE = 0.15  # [mm] of what is promised, for servo loops that are asked for so much
+_RESERVE = 0.2  # [mm] of what is promised, for servo loops that are asked for so much
+_TURN = 0.5  # [mm] that the drive stays away from where its plan turns it round: no path beyond
 _FEWEST = 2.0  # cycles that the drive takes to come to rest; others cannot follow a jolt
 _PARTS = 2  # samples in a cycle
+_CHUNK = 2000  # cycles that are tried together
 _EXTRA = 12  # cycles to catch up in, after the drive has come to rest
-_FASTEST = 1.001  # path time per time that following may ask for
+_FASTEST = 0.95  # path time per time that following may ask for; behind a drive that brakes no
+# harder than the plan nothing can be made up for, as path time is never faster than planned
 _ROUNDING = 1.1  # by which second differences of samples may be above a limit
 
 
@@ -35,9 +40,15 @@ def led_stops(motion: Motion) -> LedStops:
     samples = _Samples.of(motion)
     limits = CATCH_UP * machine.stop_limits.acceleration
     decelerations = machine.drives.quick_stop_deceleration
+    off_by = machine.drives.quick_stop_tolerance
     allowed = promised = np.zeros(len(samples.carriages[::_PARTS]), dtype=np.uint8)
     for index, deceleration in enumerate(decelerations):
-        off = _Trial(samples, index, deceleration, limits).run()
+        off = np.maximum(
+            *(
+                _Trial(samples, index, deceleration * share, limits).run()
+                for share in (1.0 - off_by, 1.0 + off_by)
+            )
+        )
         allowed = allowed | np.asarray((off <= _ALLOWED) << index, dtype=np.uint8)
         promised = promised | np.asarray((off <= PROMISED - _RESERVE) << index, dtype=np.uint8)
     first, second, third = limits.tolist()
@@ -130,38 +141,61 @@ class _Trial:
         self._d = deceleration * samples.cycle**2
         places = samples.carriages[:, index]
         self._way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
-        self._start = self._way[::_PARTS]
+        self._begin, self._start = samples.times[::_PARTS], self._way[::_PARTS]
         turns = np.flatnonzero(np.diff(np.sign(samples.steps[:, index])))
         ends = np.append(self._way[turns], self._way[-1])
         self._end = ends[np.searchsorted(turns, np.arange(len(places)))][::_PARTS]
         self._v = np.minimum(np.append(self._start[1:], self._start[-1]), self._end) - self._start
+        self._turns = self._start + self._v**2 / (2.0 * self._d) + _TURN > self._end
 
     def run(self) -> FloatArray:
         """Return how far off its path the platform gets for each cycle [mm], (n,).
 
         It is inf where the others cannot follow, or where links might part.
         """
-        s, d = self._samples, self._d
-        begin = s.times[::_PARTS]
+        parts = [self._part(k) for k in range(0, len(self._v), _CHUNK)]
+        return np.concatenate([part._follow() for part in parts])
+
+    def _part(self, first: int) -> _Trial:
+        """Return the trial of some cycles in a row."""
+        part, rows = copy(self), slice(first, first + _CHUNK)
+        part._begin, part._start, part._end = self._begin[rows], self._start[rows], self._end[rows]
+        part._v, part._turns = self._v[rows], self._turns[rows]
+        return part
+
+    def _follow(self) -> FloatArray:
+        """Return what ``run`` does, of all cycles at once."""
+        s, d, begin = self._samples, self._d, self._begin
         before, newest = begin + (REACTION - 1) * s.cycle, begin + REACTION * s.cycle
         old, now = s.between(s.carriages, before), s.between(s.carriages, newest)
-        good = self._v > max(_FEWEST * d, LEAST_STEP)
+        good = (self._v > max(_FEWEST * d, LEAST_STEP)) & ~self._turns
         off = self._off(REACTION, newest)
+        led = [s.between(s.carriages, self._goal(cycles)) for cycles in (REACTION - 1, REACTION)]
         for cycles in range(REACTION + 1, int(np.ceil(self._v.max() / d)) + REACTION + _EXTRA):
-            goal = np.interp(self._gone(cycles), self._way, s.times)
+            goal = self._goal(cycles)
             here = np.abs(s.between(s.steps, goal))
             speed = np.maximum(here[:, self._index], LEAST_STEP)
             pace = np.maximum(self._v - d * cycles, 0.0) / speed * s.cycle
-            good &= (self._gone(cycles) < self._end) & (here[:, self._index] > LEAST_STEP)
-            good &= pace <= _FASTEST * s.cycle
+            good &= (here[:, self._index] > LEAST_STEP) & (pace <= _FASTEST * s.cycle)
             most = (self._limits / np.maximum(here[:, self._others], 1e-9)).min(axis=1) * s.cycle
             step = catch_up(goal - newest, newest - before, pace, most)
             before, newest = newest, newest + np.minimum(step, s.cycle)
+            led = [*led[-2:], s.between(s.carriages, goal)]
             old, now, new = now, s.between(s.carriages, newest), old
-            asked = now - 2.0 * old + new
-            good &= (np.abs(asked[:, self._others]) <= _ROUNDING * self._limits).all(axis=1)
+            good &= self._bear(led, 1.0 / CATCH_UP) & self._bear([new, old, now], 1.0)
             off = np.maximum(off, self._off(cycles, newest))
         return np.where(good, off, np.inf)
+
+    def _goal(self, cycles: int) -> FloatArray:
+        """Return the path time at which the plan puts the drive's carriage where it then is [s]."""
+        goal: FloatArray = np.interp(self._gone(cycles), self._way, self._samples.times)
+        return goal
+
+    def _bear(self, places: list[FloatArray], share: float) -> BoolArray:
+        """Tell whether the others bear three places in a row, with a share of the limits, (n,)."""
+        first, second, third = places
+        asked = np.abs(third - 2.0 * second + first)[:, self._others]
+        return np.asarray((asked <= share * _ROUNDING * self._limits).all(axis=1))
 
     def _gone(self, cycles: int) -> FloatArray:
         """Return the way that the drive has gone so many cycles after it began to brake [mm]."""
