@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
+import click
 import typer
 
 if TYPE_CHECKING:
@@ -22,6 +23,16 @@ Bus: TypeAlias = Annotated[
         "--bus",
         metavar="NAME",
         help="virtual, socketcand:HOST:PORT, udp:GROUP:PORT or socketcan:IFACE.",
+    ),
+]
+TIMINGS = ("near-optimal", "toppra", "ruckig")  # of ``duoglide.Timing``, without its import
+TimingWord: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--timing",
+        click_type=click.Choice(TIMINGS),
+        help="How to time the path: see the page on planning. (default: as the program or the"
+        " machine has it; else toppra where no carriage has a jerk limit, else near-optimal)",
     ),
 ]
 Override: TypeAlias = Annotated[

@@ -18,6 +18,7 @@ from duoglide.machine.drive_settings import DriveSettings
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits, DerivedLimits
 from duoglide.machine.meaning import documented, setting, told
+from duoglide.machine.timing import Timing
 from duoglide.machine.toml_read import decoded, read_tables
 
 _TABLES = {
@@ -87,6 +88,11 @@ class Machine:
     work_frame: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), "origin of the program's coordinates in the base frame", "mm"
     )
+    timing: Timing | None = setting(
+        None,
+        "how paths are timed where neither the call nor the program says it: near-optimal, toppra "
+        "or ruckig; left out, toppra if no carriage has a jerk limit, else near-optimal",
+    )
     keep_out: tuple[Box, ...] = setting((), "boxes that the platform's centre stays out of")
 
     def __post_init__(self) -> None:
@@ -104,6 +110,8 @@ class Machine:
             store(self, key, rules.triple(key, getattr(self, key)))
         if self.home_position is not None:
             store(self, "home_position", rules.triple("home_position", self.home_position))
+        if self.timing is not None:
+            store(self, "timing", rules.one_of(Timing, "timing", self.timing))
         store(self, "keep_out", _boxes(self.keep_out))
         if isinstance(self.stop_limits, DerivedLimits):
             store(self, "stop_limits", DerivedLimits.of(self.limits))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from duoglide.cli.console import percent, say, say_facts, say_json
-from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.options import Json, MachineFile, TimingWord, load_machine
 from duoglide.cli.outputs import Force, require_log, require_picture
 from duoglide.cli.program import (
     Move,
@@ -60,6 +60,7 @@ def plan(
             help="Slow down where drives that brake by themselves would come too near.",
         ),
     ] = True,
+    timing: TimingWord = None,
     machine: MachineFile = None,
     force: Force = False,
     as_json: Json = False,
@@ -76,7 +77,7 @@ def plan(
     from duoglide.planning.plan import plan as make_plan
 
     with planning() as done:
-        trajectory = make_plan(described, path, brake_safe=brake_safe, progress=done)
+        trajectory = make_plan(described, path, brake_safe, done, timing)
     audit = trajectory.audit()
     trajectory.save(out)
     if picture is not None:

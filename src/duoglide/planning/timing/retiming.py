@@ -124,6 +124,26 @@ class RetimingProblem:
         count = self.delta.size + 1
         return Retiming(np.full(count, 1.0 / max(v, a, np.cbrt(j) ** 2)), np.zeros(count))
 
+    def follow(self, motion: Profile) -> Retiming:
+        """Return the retiming with the speeds of a motion, where one node's jerk allows them.
+
+        Args:
+            motion: Along the same sigma, from rest to rest.
+        """
+        from scipy.interpolate import PchipInterpolator
+
+        knots, own = self.base.knots, np.abs(self.jerk[..., 2])
+        most = np.full(len(knots), np.inf)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for part, at in ((most[:-1], own[:, 0]), (most[1:], own[:, -1])):
+                np.minimum(part, at.max(axis=-1) ** (-2.0 / 3.0), out=part)
+            times = [motion.time_at(sigma) for sigma in knots[:, SIGMA].tolist()]
+            alpha = (motion.at(times)[:, 1] / knots[:, SPEED]) ** 2
+        alpha = np.fmin(alpha, most)
+        # slopes with which no cubic dips between its nodes
+        slopes = PchipInterpolator(knots[:, TIME], alpha).derivative()(knots[:, TIME])
+        return Retiming(alpha, 0.5 * slopes)
+
     def improve(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
         """Return the retiming after ``rounds`` tangents, each problem solved to ``tolerance``."""
         now = start
