@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -88,10 +89,12 @@ class Machine:
     work_frame: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), "origin of the program's coordinates in the base frame", "mm"
     )
-    timing: Timing | None = setting(
-        None,
-        "how paths are timed where neither the call nor the program says it: near-optimal, toppra "
-        "or ruckig; left out, toppra if no carriage has a jerk limit, else near-optimal",
+    timing: Timing | None = field(
+        default=None,
+        metadata=told(
+            "how paths are timed where neither the call nor the program says it: near-optimal, "
+            "toppra or ruckig; left out, toppra if no carriage has a jerk limit, else near-optimal"
+        ),
     )
     keep_out: tuple[Box, ...] = setting((), "boxes that the platform's centre stays out of")
 
@@ -176,8 +179,11 @@ class Machine:
         return rules.build(cls, values, "")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the tables of the TOML file: plain numbers, text, lists and dictionaries."""
-        tables: dict[str, Any] = _plain(self)
+        """Return the tables of the TOML file: plain numbers, text, lists and dictionaries.
+
+        A limit that is none is the text "inf", as JSON has no such number; ``from_dict`` reads it.
+        """
+        tables: dict[str, Any] = _in_json(_plain(self))
         return tables
 
     def save(self, path: str | Path) -> None:
@@ -188,7 +194,7 @@ class Machine:
         """
         from duoglide.machine.toml_text import commented
 
-        text = commented(self.to_dict(), {"": Machine, **_TABLES, **_INNER_TABLES})
+        text = commented(_plain(self), {"": Machine, **_TABLES, **_INNER_TABLES})
         goal = Path(os.path.realpath(path))
         try:
             if goal.exists() and not goal.is_file():  # a terminal, or a directory: an error
@@ -228,6 +234,15 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return value
+
+
+def _in_json(value: Any) -> Any:
+    """Replace infinite numbers by text."""
+    if isinstance(value, dict):
+        return {name: _in_json(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_in_json(item) for item in value]
+    return rules.NONE if isinstance(value, float) and value == inf else value
 
 
 def _left_out(value: Any) -> bool:

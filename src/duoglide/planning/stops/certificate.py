@@ -90,7 +90,7 @@ def _least_stop(motion: Motion) -> float:
     limits = motion.machine.stop_limits
     speeds = np.abs(motion.at(np.linspace(0.0, motion.duration, 101)).velocity)
     v, a, j = speeds.max(axis=0), limits.acceleration, limits.jerk
-    return float(np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max())
+    return float(np.where(v > a * (a / j), v / a + a / j, 2.0 * np.sqrt(v / j)).max())
 
 
 def _find_slopes(motion: Motion, cells: int) -> FloatArray:
