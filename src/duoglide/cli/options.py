@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
-import click
 import typer
 
 if TYPE_CHECKING:
@@ -25,12 +24,10 @@ Bus: TypeAlias = Annotated[
         help="virtual, socketcand:HOST:PORT, udp:GROUP:PORT or socketcan:IFACE.",
     ),
 ]
-TIMINGS = ("near-optimal", "toppra", "ruckig")  # of ``duoglide.Timing``, without its import
 TimingWord: TypeAlias = Annotated[
-    str | None,
+    Literal["near-optimal", "toppra", "ruckig"] | None,  # ``Timing``, without its import
     typer.Option(
         "--timing",
-        click_type=click.Choice(TIMINGS),
         help="How to time the path: see the page on planning. (default: as the program or the"
         " machine has it; else toppra where no carriage has a jerk limit, else near-optimal)",
     ),

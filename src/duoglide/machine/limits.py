@@ -63,6 +63,16 @@ class CarriageLimits:
     def __hash__(self) -> int:
         return hash(self._key())
 
+    def within(self, seconds: float) -> CarriageLimits:
+        """Return these limits with a jerk for each carriage that has no limit of it.
+
+        Args:
+            seconds: In which its acceleration may then go from none to its limit.
+        """
+        reached = self.acceleration / seconds
+        jerk = np.where(np.isinf(self.jerk), reached, self.jerk)
+        return CarriageLimits(velocity=self.velocity, acceleration=self.acceleration, jerk=jerk)
+
     def scaled(self, factor: float) -> CarriageLimits:
         """Return these limits times ``factor``, in every derivative."""
         return CarriageLimits(
