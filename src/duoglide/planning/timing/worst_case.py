@@ -67,6 +67,8 @@ def time_span_ruckig(timed: TimedCurve, start: float, end: float, lead: Lead | N
     if lead is None or lead.way is None:
         profile = min((worst.move(share) for share in _SHARES), key=lambda one: one.duration)
         factor = find_stretch(find_largest_use(worst.timed, profile))
+        if timed.ahead < inf:  # what takes over there counts on these limits, so it is no faster
+            factor = max(factor, 1.0)
         return Span(profile.stretch(factor * _SAFE), TimingMethod.RUCKIG)
     first, lower = Start(start, lead.speed, lead.acceleration), 1.0
     for _ in range(_TURNS):
