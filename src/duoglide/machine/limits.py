@@ -34,7 +34,7 @@ class CarriageLimits:
     )
     jerk: FloatArray = field(
         default_factory=lambda: np.full(3, 3e6),
-        metadata=told("the largest jerk, likewise; inf: no limit", "mm/s^3"),
+        metadata=told("the largest jerk; inf: no limit", "mm/s^3"),
     )
 
     if TYPE_CHECKING:  # a scalar or a list is as welcome as an array

@@ -70,15 +70,12 @@ def time_span_ruckig(timed: TimedCurve, start: float, end: float, lead: Lead | N
         if timed.ahead < inf:  # what takes over there counts on these limits, so it is no faster
             factor = max(factor, 1.0)
         return Span(profile.stretch(factor * _SAFE), TimingMethod.RUCKIG)
-    first, lower = Start(start, lead.speed, lead.acceleration), 1.0
-    for _ in range(_TURNS):
-        profile = worst.move(_SHARES[1], first, lower)
-        limits = replace(worst.timed, sigma_cap=None)  # drive stops judge that cap
-        factor = find_stretch(find_largest_use(limits, profile))
-        if factor < 1.0 + ALLOWED:
-            return Span(profile, TimingMethod.RUCKIG)
-        lower *= factor
-    raise LimitError(f"ruckig finds no timing that begins at {lead.speed:g} mm/s")
+    first = Start(start, lead.speed, lead.acceleration)
+    found = [worst.find_moving(share, first) for share in _SHARES]
+    kept = [profile for profile in found if profile is not None]
+    if not kept:
+        raise LimitError(f"ruckig finds no timing that begins at {lead.speed:g} mm/s")
+    return Span(min(kept, key=lambda one: one.duration), TimingMethod.RUCKIG)
 
 
 def cut_at_caps(timed: TimedCurve, marks: FloatArray) -> FloatArray:
@@ -191,6 +188,24 @@ class WorstCase:
             parts.append(part)
             begin = Start(there, speeds[k + 1])
         return Profile.join(parts)
+
+    def find_moving(self, share: float, first: Start) -> Profile | None:
+        """Return a motion that begins in a given state and keeps the limits; None: there is none.
+
+        It cannot be slowed as a whole; so limits are lowered until what it measures fits.
+        """
+        limits = replace(self.timed, sigma_cap=None)  # drive stops judge that cap
+        lower = 1.0
+        for _ in range(_TURNS):
+            try:
+                profile = self.move(share, first, lower)
+            except LimitError:
+                return None
+            factor = find_stretch(find_largest_use(limits, profile))
+            if factor < 1.0 + ALLOWED:
+                return profile
+            lower *= factor
+        return None
 
 
 def _append(table: FloatArray, *column: FloatArray) -> FloatArray:
