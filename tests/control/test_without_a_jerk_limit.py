@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from duoglide.control.channel.events import RunState
 
 import duoglide as dg
+from duoglide.control.channel.events import RunState
 from duoglide.storage import read_log
 
 MACHINE = dg.Machine(limits=dg.CarriageLimits(jerk=np.inf))

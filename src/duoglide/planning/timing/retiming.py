@@ -27,6 +27,7 @@ from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 _STANDING = float(np.finfo(float).tiny)  # of alpha, at which nothing moves
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _MOST_ROUNDS = 30
+_SAME = 1e-9  # of the motion's way; a knot that much beside a break stands at it
 _GAIN = 0.02  # Another tangent is worth its time if it gains this share of the duration.
 
 
@@ -226,8 +227,9 @@ def on_grid(base: Profile, times: FloatArray, breaks: FloatArray) -> Profile:
     knots[:, TIME], knots[:, SIGMA:] = times, base.at(times)[:, :3]
     knots[0, SIGMA:], knots[-1, SIGMA:] = base.knots[0, SIGMA:], base.knots[-1, SIGMA:]
     near = np.searchsorted(knots[:, SIGMA], breaks)
+    same = _SAME * (base.end - base.knots[0, SIGMA]) + 16.0 * np.spacing(np.abs(breaks))
     for shift in (-1, 0):
         k = np.minimum(np.maximum(near + shift, 0), len(knots) - 1)
-        hit = np.abs(knots[k, SIGMA] - breaks) <= 1e-9 * (1.0 + np.abs(breaks))
+        hit = np.abs(knots[k, SIGMA] - breaks) <= same
         knots[k[hit], SIGMA] = breaks[hit]
     return Profile(knots)
