@@ -98,11 +98,15 @@ def without_jerk_limit(move: Move) -> float:
     return time_path(map_to_carriages(replace(move.carriages.checked, machine=machine))).duration
 
 
-def with_blends(move: Move) -> float:
-    """Choose blends anew within the same tolerances, check, and time."""
-    deviation = round_corners(move.path).deviation[1:-1]
-    path = dg.Path(move.path.segments, tuple(deviation.tolist()))
-    return dg.plan(move.machine, path, brake_safe=False).duration
+def whole_plan(timing: dg.Timing) -> Callable[[Move], float]:
+    """Choose blends anew within the same tolerances, check, time and certify stops."""
+
+    def measure(move: Move) -> float:
+        deviation = round_corners(move.path).deviation[1:-1]
+        path = dg.Path(move.path.segments, tuple(deviation.tolist()))
+        return dg.plan(move.machine, path, brake_safe=False, timing=timing).duration
+
+    return measure
 
 
 def toppra_speed(move: Move, cells: int = 400) -> tuple[FloatArray, FloatArray]:
@@ -234,9 +238,11 @@ def stop_at_corners(move: Move) -> float:
 
 METHODS: dict[str, Callable[[Move], float]] = {
     "Duoglide, blends given": this_planner,
-    "Duoglide, blends chosen": with_blends,
+    "Duoglide, blends chosen": whole_plan(dg.Timing.NEAR_OPTIMAL),
     "Duoglide, timing toppra, retimed under the jerk limit": by(dg.Timing.TOPPRA),
     "Duoglide, timing ruckig": by(dg.Timing.RUCKIG),
+    "Duoglide, timing toppra, blends chosen": whole_plan(dg.Timing.TOPPRA),
+    "Duoglide, timing ruckig, usual blends": whole_plan(dg.Timing.RUCKIG),
     "Duoglide without a jerk limit (toppra)": without_jerk_limit,
     "toppra alone (no jerk limit: a bound, not a plan)": toppra_alone,
     "toppra, moving average, stretched": toppra_smoothed,
