@@ -10,7 +10,7 @@ from duoglide.motion.path.path import Path
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.check.check import check_rounded, require_noun
 from duoglide.planning.rounding.choice import choose_blends
-from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.timing.span import Effort
 from duoglide.planning.timing.time_path import (
     Progress,
@@ -58,4 +58,4 @@ def plan(
             return time_path(carriages, effort, sigma_cap=SigmaCap(sigma, cap))
 
         motion = make_brake_safe(motion, retimed)
-    return Trajectory.of(motion, stop_bounds(motion))
+    return Trajectory.of(motion, certify_stops(motion))
