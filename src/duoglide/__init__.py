@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from duoglide.machine import DriveSettings as DriveSettings
     from duoglide.machine import Geometry as Geometry
     from duoglide.machine import Machine as Machine
+    from duoglide.machine import Timing as Timing
     from duoglide.motion.motion import State as State
     from duoglide.motion.path.actions import Dwell as Dwell
     from duoglide.motion.path.actions import SetOutput as SetOutput
@@ -103,7 +104,7 @@ _HOMES = {
         "forward_all",
         "inverse_all",
     ),
-    "machine": ("Box", "CarriageLimits", "DriveSettings", "Geometry", "Machine"),
+    "machine": ("Box", "CarriageLimits", "DriveSettings", "Geometry", "Machine", "Timing"),
     "motion.path.actions": ("Dwell", "SetOutput", "WaitInput"),
     "motion.rounding.blend": ("Blend",),
     "motion.path.checked": ("CheckedPath",),

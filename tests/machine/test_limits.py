@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import json
 import pickle
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,11 +28,32 @@ def test_the_defaults_are_those_of_the_design() -> None:
 @pytest.mark.parametrize("key", ["velocity", "acceleration", "jerk"])
 @pytest.mark.parametrize(
     "value",
-    [0.0, -1.0, float("nan"), float("inf"), "fast", [1.0, 2.0], [1.0, 2.0, 0.0], True, None],
+    [0.0, -1.0, float("nan"), -float("inf"), "fast", [1.0, 2.0], [1.0, 2.0, 0.0], True, None],
 )
 def test_a_limit_is_positive_and_finite(key: str, value: Any) -> None:
     with pytest.raises(dg.ConfigError, match=f"^{key} = "):
         dg.CarriageLimits(**{key: value})
+
+
+def test_jerk_may_be_without_a_limit_for_all_carriages_or_for_some(tmp_path: Path) -> None:
+    for key in ("velocity", "acceleration"):
+        with pytest.raises(dg.ConfigError, match=f"^{key} = inf"):
+            dg.CarriageLimits(**{key: np.inf})
+    free = dg.CarriageLimits(jerk=np.inf)
+    assert free.jerk.tolist() == [np.inf] * 3
+    assert dg.CarriageLimits(jerk=[np.inf, 1e6, np.inf]).jerk.tolist() == [np.inf, 1e6, np.inf]
+    for wrong in (-np.inf, [np.inf, 0.0, 1e6], [np.inf, np.nan, 1e6], [np.inf, 1e6]):
+        with pytest.raises(dg.ConfigError, match=r"^jerk = "):
+            dg.CarriageLimits(jerk=wrong)
+    machine = dg.Machine(limits=free)
+    assert machine.stop_limits.jerk.tolist() == [np.inf] * 3
+    machine.save(tmp_path / "cell.toml")
+    assert dg.Machine.load(tmp_path / "cell.toml") == machine
+    assert dg.Machine.from_dict(json.loads(json.dumps(machine.to_dict()))) == machine
+    (tmp_path / "short.toml").write_text("[limits]\njerk = inf\n")
+    assert dg.Machine.load(tmp_path / "short.toml") == machine
+    with pytest.raises(dg.ConfigError, match=r"stop_limits\.jerk"):
+        dg.Machine(limits=free, stop_limits=dg.CarriageLimits(acceleration=1e5, jerk=1e9))
 
 
 def test_limits_are_values_that_nobody_can_write_to() -> None:

@@ -93,6 +93,18 @@ def test_a_blend_up_to_half_its_cut_back_stays_in_the_corners_triangle() -> None
         assert track[:, 1].min() >= -1e-12
 
 
+@pytest.mark.parametrize("rounding", [1e-10, 1e-9, 9e-7])
+def test_blends_that_overlap_by_rounding_alone_are_shortened(rounding: float) -> None:
+    points = [(-41, 0, 290), (-41, 30, 290), (-41, 30, 310), (-41, 60, 310)]
+    fitting = dg.Path.polyline(points, blends=[Blend(10.0, 10.0), Blend(10.0, 10.0)])
+    rounded = dg.Path.polyline(points, blends=[Blend(10.0, 10.0 + rounding), Blend(10.0, 10.0)])
+    lengths = [round_corners(path).curve.end for path in (fitting, rounded)]
+    assert lengths[0] == pytest.approx(lengths[1], abs=2.0 * rounding)
+    too_long = dg.Path.polyline(points, blends=[Blend(10.0, 10.00001), Blend(10.0, 10.0)])
+    with pytest.raises(dg.PathError, match=r"overlap by 1e-05 mm"):
+        round_corners(too_long)
+
+
 def test_overlapping_blends_are_refused_by_name_and_amount() -> None:
     points = [(0, 0, 0), (0, 0, 30), (0, 20, 30), (0, 20, 0)]
     with pytest.raises(dg.PathError, match=r"waypoints 1 and 2 overlap by 4 mm") as caught:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
@@ -30,6 +30,14 @@ Bus: TypeAlias = Annotated[
         metavar="NAME",
         help="virtual, socketcand:HOST:PORT, udp:GROUP:PORT or socketcan:IFACE.",
         autocompletion=buses,
+    ),
+]
+TimingWord: TypeAlias = Annotated[
+    Literal["near-optimal", "toppra", "ruckig"] | None,  # ``Timing``, without its import
+    typer.Option(
+        "--timing",
+        help="How to time the path: see the page on planning. (default: as the program or the"
+        " machine has it; else toppra where no carriage has a jerk limit, else near-optimal)",
     ),
 ]
 Override: TypeAlias = Annotated[

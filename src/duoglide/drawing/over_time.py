@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import isfinite
 
 from matplotlib.axes import Axes
 
@@ -55,7 +56,7 @@ def draw_limited(
         title: With the unit.
     """
     draw_curves(axes, times, values)
-    for limit in sorted(set(limits.tolist())):
+    for limit in sorted(filter(isfinite, set(limits.tolist()))):
         for sign in (-1.0, 1.0):
             axes.axhline(sign * limit, color=LIMIT, linestyle="--", linewidth=1.0)
     axes.set_title(title)

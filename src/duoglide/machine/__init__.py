@@ -6,6 +6,7 @@ from duoglide.machine.drive_settings import DriveSettings, Reference
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits
 from duoglide.machine.machine import Machine
+from duoglide.machine.timing import Timing
 
 __all__ = [
     "Box",
@@ -16,4 +17,5 @@ __all__ = [
     "Machine",
     "Quirks",
     "Reference",
+    "Timing",
 ]

@@ -21,7 +21,7 @@ class CarriageLimits:
     """Limits of the three carriages, each a scalar or one value per carriage.
 
     Raises:
-        ConfigError: A value is not finite and above zero.
+        ConfigError: A value is not above zero, or not finite; a jerk may be infinite.
     """
 
     velocity: FloatArray = field(
@@ -34,7 +34,7 @@ class CarriageLimits:
     )
     jerk: FloatArray = field(
         default_factory=lambda: np.full(3, 3e6),
-        metadata=told("the largest jerk, likewise", "mm/s^3"),
+        metadata=told("the largest jerk; inf: no limit", "mm/s^3"),
     )
 
     if TYPE_CHECKING:  # a scalar or a list is as welcome as an array
@@ -49,7 +49,9 @@ class CarriageLimits:
 
     def __post_init__(self) -> None:
         for name in ("velocity", "acceleration", "jerk"):
-            values = rules.per_carriage(name, getattr(self, name), unit_of(CarriageLimits, name))
+            unit = unit_of(CarriageLimits, name)
+            given = getattr(self, name)
+            values = rules.per_carriage(name, given, unit, or_none=name == "jerk")
             object.__setattr__(self, name, read_only(np.array(values)))
 
     def _key(self) -> bytes:
@@ -60,6 +62,16 @@ class CarriageLimits:
 
     def __hash__(self) -> int:
         return hash(self._key())
+
+    def within(self, seconds: float) -> CarriageLimits:
+        """Return these limits with a jerk for each carriage that has no limit of it.
+
+        Args:
+            seconds: In which its acceleration may then go from none to its limit.
+        """
+        reached = self.acceleration / seconds
+        jerk = np.where(np.isinf(self.jerk), reached, self.jerk)
+        return CarriageLimits(velocity=self.velocity, acceleration=self.acceleration, jerk=jerk)
 
     def scaled(self, factor: float) -> CarriageLimits:
         """Return these limits times ``factor``, in every derivative."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from duoglide.machine.drive_settings import DriveSettings
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits, DerivedLimits
 from duoglide.machine.meaning import documented, setting, told
+from duoglide.machine.timing import Timing
 from duoglide.machine.toml_read import decoded, read_tables
 
 _LARGEST = 2**31 - 1  # that a drive counts to
@@ -89,6 +91,13 @@ class Machine:
     work_frame: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), "origin of the program's coordinates in the base frame", "mm"
     )
+    timing: Timing | None = field(
+        default=None,
+        metadata=told(
+            "how paths are timed where neither the call nor the program says it: near-optimal, "
+            "toppra or ruckig; left out, toppra if no carriage has a jerk limit, else near-optimal"
+        ),
+    )
     keep_out: tuple[Box, ...] = setting((), "boxes that the platform's centre stays out of")
 
     def __post_init__(self) -> None:
@@ -106,6 +115,8 @@ class Machine:
             store(self, key, rules.triple(key, getattr(self, key)))
         if self.home_position is not None:
             store(self, "home_position", rules.triple("home_position", self.home_position))
+        if self.timing is not None:
+            store(self, "timing", rules.one_of(Timing, "timing", self.timing))
         store(self, "keep_out", _boxes(self.keep_out))
         if isinstance(self.stop_limits, DerivedLimits):
             store(self, "stop_limits", DerivedLimits.of(self.limits))
@@ -192,8 +203,11 @@ class Machine:
         return rules.build(cls, values, "")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the tables of the TOML file: plain numbers, text, lists and dictionaries."""
-        tables: dict[str, Any] = plain(self)
+        """Return the tables of the TOML file: plain numbers, text, lists and dictionaries.
+
+        A limit that is none is the text "inf", as JSON has no such number; ``from_dict`` reads it.
+        """
+        tables: dict[str, Any] = _in_json(plain(self))
         return tables
 
     def save(self, path: str | Path, *, schema: str = "") -> None:
@@ -209,7 +223,7 @@ class Machine:
         from duoglide.machine.toml_text import commented
 
         named = f"#:schema {schema}\n" if schema else ""
-        text = named + commented(self.to_dict(), {"": Machine, **_TABLES, **_INNER_TABLES})
+        text = named + commented(plain(self), {"": Machine, **_TABLES, **_INNER_TABLES})
         goal = Path(os.path.realpath(path))
         try:
             if goal.exists() and not goal.is_file():  # a terminal, or a directory: an error
@@ -249,6 +263,15 @@ def plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [plain(item) for item in value]
     return value
+
+
+def _in_json(value: Any) -> Any:
+    """Replace infinite numbers by text."""
+    if isinstance(value, dict):
+        return {name: _in_json(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_in_json(item) for item in value]
+    return rules.NONE if isinstance(value, float) and value == inf else value
 
 
 def _left_out(value: Any) -> bool:

@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from enum import StrEnum
+from math import inf
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from duoglide.machine.meaning import phrases
 
 T = TypeVar("T")
 Word = TypeVar("Word", bound=StrEnum)
+NONE = "inf"  # how JSON, which has no infinite numbers, holds a limit that is none
 _COUNTS = {2: "two", 3: "three"}
 
 
@@ -104,17 +106,41 @@ def triple(key: str, value: object, unit: str = "mm") -> tuple[float, float, flo
 
 def any_per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
     """Return one value per carriage, from one number or three, or raise ConfigError."""
-    array = isinstance(value, np.ndarray) and value.ndim > 0
-    scalar = not array and (not isinstance(value, Sequence) or isinstance(value, str))
-    return triple(key, [value] * 3 if scalar else value, unit)
+    return triple(key, _for_each_carriage(value), unit)
 
 
-def per_carriage(key: str, value: object, unit: str) -> tuple[float, float, float]:
-    """Return one positive value per carriage, from one number or three, or raise ConfigError."""
-    values = any_per_carriage(key, value, unit)
+def per_carriage(
+    key: str, value: object, unit: str, *, or_none: bool = False
+) -> tuple[float, float, float]:
+    """Return one positive value per carriage, from one number or three, or raise ConfigError.
+
+    Args:
+        key: Of the field.
+        value: What was given for it.
+        unit: Of the numbers.
+        or_none: Whether inf is welcome, as a number or as the text that JSON has for it: no limit.
+    """
+    given = _for_each_carriage(value)
+    endless = [or_none and isinstance(item, float | str) and item in (inf, NONE) for item in given]
+    known = [1.0 if none else item for none, item in zip(endless, given, strict=True)]
+    try:
+        values = triple(key, known, unit)
+    except ConfigError:
+        values = triple(key, value, unit)  # raises again, with what was given
     if min(values) <= 0.0:
         raise ConfigError(f"{key} = {value!r:.80}: every value must be above 0 [{unit}]")
-    return values
+    first, second, third = (
+        inf if none else item for none, item in zip(endless, values, strict=True)
+    )
+    return first, second, third
+
+
+def _for_each_carriage(value: object) -> list[Any]:
+    """Return the items of a list or an array, or one value three times."""
+    array = isinstance(value, np.ndarray) and value.ndim > 0
+    if array or (isinstance(value, Sequence) and not isinstance(value, str)):
+        return list(value)  # type: ignore[call-overload,no-any-return]  # it has items
+    return [value] * 3
 
 
 def build(kind: type[T], table: object, prefix: str) -> T:

@@ -12,6 +12,8 @@ class TimingMethod(StrEnum):
     """Which stage made the profile."""
 
     NEAR_OPTIMAL = "near-optimal"
+    TOPPRA = "toppra"
+    RUCKIG = "ruckig"
     IN_PART = "near-optimal in part"
     CERTIFIED_SLOW = "certified, slower"
     TRANSFER = "transfer"

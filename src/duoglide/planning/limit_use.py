@@ -295,7 +295,9 @@ class _Search:
         )
         rates = _profile_bounds(c, low, high, along[0], along[2])
         most = self._carriage_bounds(along[1][:, 0], piece, rates, 0.5 * h)
-        return ends, (h * h / 8.0)[:, None, None] * most[:, 2:] / self._limits
+        with np.errstate(invalid="ignore"):  # no limit is no limit, whatever the bound
+            bow = (h * h / 8.0)[:, None, None] * most[:, 2:] / self._limits
+        return ends, np.where(np.isinf(self._limits), 0.0, bow)
 
     def _uses(
         self, along: FloatArray, piece: NDArray[np.intp], row: NDArray[np.intp], u: FloatArray

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from duoglide.arrays import FloatArray
-from duoglide.machine import Machine
+from duoglide.machine import Machine, Timing
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.carriage import map_to_carriages
 from duoglide.motion.path.path import Path
@@ -11,13 +11,23 @@ from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.check.check import check_rounded, require_noun
 from duoglide.planning.rounding.choice import choose_blends
 from duoglide.planning.stops.certificate import certify_stops
-from duoglide.planning.timing.time_path import Progress, time_path
+from duoglide.planning.timing.span import Effort
+from duoglide.planning.timing.time_path import (
+    Progress,
+    choose_timing,
+    time_path,
+    wished_timing,
+)
 from duoglide.planning.timing.timed_curve import SigmaCap
 from duoglide.planning.trajectory import Trajectory
 
 
 def plan(
-    machine: Machine, path: Path, brake_safe: bool = True, progress: Progress | None = None
+    machine: Machine,
+    path: Path,
+    brake_safe: bool = True,
+    progress: Progress | None = None,
+    timing: Timing | str | None = None,
 ) -> Trajectory:
     """Choose a path's blends, check it, carry it to the carriages, and time it.
 
@@ -27,21 +37,25 @@ def plan(
         brake_safe: Slow the motion wherever drives that brake by themselves would break reach or
             clearance.
         progress: Called with the share that is done, 0 to 1.
+        timing: How to time it: ``dg.Timing`` or its word. None: as the path says (a program may),
+            else as the machine does, else by toppra if no carriage has a jerk limit, else
+            near-optimal.
 
     Raises:
-        InputError: No machine, or no path.
+        InputError: No machine, no path, or no such timing.
         PathError: The machine cannot follow the path; says where and by how much.
     """
     require_noun(machine, Machine)
     require_noun(path, Path)
-    rounded = choose_blends(machine, path)
+    effort = Effort(timing=choose_timing(machine, wished_timing(path, timing)))
+    rounded = choose_blends(machine, path, trials=effort.timing is not Timing.RUCKIG)
     checked = check_rounded(machine, rounded)
     carriages = map_to_carriages(checked)
-    motion = time_path(carriages, progress=progress)
+    motion = time_path(carriages, effort, progress)
     if brake_safe:
 
         def retimed(sigma: FloatArray, cap: FloatArray) -> Motion:
-            return time_path(carriages, sigma_cap=SigmaCap(sigma, cap))
+            return time_path(carriages, effort, sigma_cap=SigmaCap(sigma, cap))
 
         motion = make_brake_safe(motion, retimed)
     return Trajectory.of(motion, certify_stops(motion))

@@ -72,6 +72,19 @@ def test_whatever_is_commanded_the_carriages_keep_their_stop_limits(start: int, 
     assert worst[2] > 0.6  # a change of rate makes use of the jerk that it is given
 
 
+@pytest.mark.parametrize("timing", ["transfer", *dg.Timing])
+def test_stops_keep_velocity_and_acceleration_where_jerk_has_no_limit(timing: str) -> None:
+    machine = replace(MACHINE, limits=dg.CarriageLimits(jerk=np.inf))
+    if timing == "transfer":
+        trajectory = moved(machine)
+    else:
+        path = dg.pick_and_place((-41.0, -120.0, 295.0), (-41.0, 120.0, 295.0), 25.0, 4.0)
+        trajectory = dg.plan(machine, path, timing=timing)
+    worst = many_runs(trajectory, np.random.default_rng(5), 60)
+    assert 0.4 < worst.max() <= 1.0 + 1e-3
+    assert np.median(trajectory.stops.falling.change_times()) < 0.06
+
+
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(
     st.integers(0, 2**32 - 1),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from enum import StrEnum
+from math import isinf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -141,13 +142,17 @@ def _explain(key: str, as_json: bool) -> None:
     say_facts([*rows, *((name, entry.get("description", "")) for name, entry in inner.items())])
 
 
+def _jerk_in_words(jerk: list[float]) -> str:
+    return "no limit" if all(map(isinf, jerk)) else f"{triple(jerk, 0)} mm/s^3"
+
+
 def _facts(machine: Machine) -> list[tuple[str, str]]:
     limits, drives = machine.limits, machine.drives
     return [
         ("rails", f"{2 * machine.geometry.rail_half_length:g} mm long"),
         ("velocity", f"{triple(limits.velocity, 0)} mm/s"),
         ("acceleration", f"{triple(limits.acceleration, 0)} mm/s^2"),
-        ("jerk", f"{triple(limits.jerk, 0)} mm/s^3"),
+        ("jerk", _jerk_in_words(limits.jerk.tolist())),
         ("clearance", f"{machine.clearance:g} mm"),
         ("carriage width", f"{machine.carriage_width:g} mm"),
         ("drives", f"nodes {triple(drives.node_ids, 0)} at {drives.bit_rate / 1000:g} kbit/s"),

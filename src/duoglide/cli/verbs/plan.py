@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from math import isnan
+from math import isinf, isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from duoglide.cli.console import percent, say, say_facts, say_json
-from duoglide.cli.options import Json, MachineFile, load_machine
+from duoglide.cli.options import Json, MachineFile, TimingWord, load_machine
 from duoglide.cli.outputs import Force, require_log, require_picture
 from duoglide.cli.program import (
     Move,
@@ -18,13 +18,15 @@ from duoglide.cli.program import (
     reading_facts,
     reading_numbers,
 )
+from duoglide.errors import LimitError
 
 if TYPE_CHECKING:
     from duoglide.motion.audit import Audit
     from duoglide.planning.trajectory import Trajectory
 
+_MOST_RESTS = 30  # between which toppra is asked for a bound, some 20 ms each
 _HELP = """\
-Check a path, time it near its optimum under the carriages' limits, and write the plan.
+Check a path, time it under the carriages' limits, and write the plan.
 
 A plan or a run that is there already is kept unless --force is given.
 """
@@ -36,6 +38,8 @@ duoglide plan --pick -41,-152.5,295 --place -41,152.5,295 --lift 25
 duoglide plan --point -41,-50,295 --point -41,50,320 --out line.mcap
 
 duoglide plan program.toml --machine cell.toml --picture plan.png --force
+
+duoglide plan program.toml --timing ruckig --out preview.mcap
 """
 
 
@@ -60,11 +64,12 @@ def plan(
             help="Slow down where drives that brake by themselves would come too near.",
         ),
     ] = True,
+    timing: TimingWord = None,
     machine: MachineFile = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Check a path, time it near its optimum under the carriages' limits, and write the plan.
+    """Check a path, time it under the carriages' limits, and write the plan.
 
     A plan or a run that is there already is kept unless --force is given.
     """
@@ -76,8 +81,8 @@ def plan(
     from duoglide.planning.plan import plan as make_plan
 
     with planning() as done:
-        trajectory = make_plan(described, path, brake_safe=brake_safe, progress=done)
-    audit = trajectory.audit()
+        trajectory = make_plan(described, path, brake_safe, done, timing)
+    audit, bound = trajectory.audit(), _bound(trajectory)
     trajectory.save(out)
     if picture is not None:
         from duoglide.drawing.picture import save
@@ -85,10 +90,14 @@ def plan(
         save(trajectory.plot(), picture)
     if as_json:
         files = {"file": str(out), "picture": None if picture is None else str(picture)}
-        numbers = {**plan_numbers(trajectory, audit), **reading_numbers(reading)}
+        numbers = {
+            "least_duration": bound,
+            **plan_numbers(trajectory, audit),
+            **reading_numbers(reading),
+        }
         say_json("plan", {**files, **numbers})
         return
-    say(f"{out}: {trajectory.duration:.4f} s")
+    say(f"{out}: {trajectory.duration:.4f} s{_bound_in_words(bound)}")
     say_facts(plan_facts(trajectory, audit) + reading_facts(reading))
     if picture is not None:
         say(f"picture: {picture}")
@@ -115,12 +124,38 @@ def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
     }
 
 
+def _bound(trajectory: Trajectory) -> float:
+    """Return what no motion without a jerk limit can beat [s]; NaN where that is not reckoned."""
+    from duoglide.motion.path.carriage import CarriagePath
+
+    path = trajectory.path
+    if isinstance(path, CarriagePath) and len(path.curve.rests) > _MOST_RESTS:
+        return nan
+    try:
+        return trajectory.lower_bound()
+    except LimitError:
+        return nan
+
+
+def _bound_in_words(bound: float) -> str:
+    if isnan(bound):
+        return ""
+    return f"; no motion without a jerk limit can take less than {bound:.4f} s (toppra)"
+
+
+def _jerk_in_words(trajectory: Trajectory, audit: Audit) -> str:
+    """Return the worst use of jerk, or that there is no limit of it."""
+    free = all(map(isinf, trajectory.machine.limits.jerk))
+    return "no limit" if free else percent(audit.jerk)
+
+
 def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
     """Return what a person wants to know of a plan."""
     rows = [
         ("worst use, velocity", f"{percent(audit.velocity)} of the limit, per carriage"),
         ("worst use, acceleration", percent(audit.acceleration)),
-        ("worst use, jerk", percent(audit.jerk)),
+        ("worst use, jerk", _jerk_in_words(trajectory, audit)),
+        ("timed by", trajectory.report.method.value),
         ("held back by", audit.explain()),
         ("least clearance", f"{audit.least_clearance:.2f} mm to a singular surface"),
         ("carriage margin", f"{audit.carriage_margin:.2f} mm that every carriage may be off"),

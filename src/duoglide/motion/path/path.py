@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_number, as_triples
 from duoglide.errors import InputError, PathError
+from duoglide.machine import Timing
 from duoglide.motion.path.actions import Action, needs_rest, read_action, require_action
 from duoglide.motion.path.segments import (
     COINCIDENT,
@@ -53,6 +54,7 @@ class Path:
         actions: Pairs of a waypoint's index and what to do there, in order.
         tool_speed: Cap on the tool's speed along the whole path [mm/s]; None: no cap.
         tool_acceleration: Cap on the tool's acceleration [mm/s^2]; None: no cap.
+        timing: How to time it, where ``plan`` is not told; None: as the machine has it.
 
     Raises:
         InputError: Names what breaks a rule.
@@ -63,6 +65,7 @@ class Path:
     actions: tuple[tuple[int, Action], ...] = ()
     tool_speed: float | None = None
     tool_acceleration: float | None = None
+    timing: Timing | None = None
 
     def __post_init__(self) -> None:
         store = object.__setattr__
@@ -72,6 +75,7 @@ class Path:
         store(self, "tool_speed", as_speed(self.tool_speed, "tool_speed [mm/s]"))
         cap = as_speed(self.tool_acceleration, "tool_acceleration [mm/s^2]")
         store(self, "tool_acceleration", cap)
+        store(self, "timing", None if self.timing is None else as_timing(self.timing))
         count = len(self.segments)
         if count == 0 or len(self.corners) != count - 1:
             raise InputError(f"{count} segments need {count - 1} corners, got {len(self.corners)}")
@@ -189,11 +193,11 @@ class Path:
         """Append a path that starts where this one ends; ``tolerance`` is that of the new corner.
 
         Raises:
-            InputError: The ends are apart, or the caps of the whole paths differ.
+            InputError: The ends are apart, or the caps or the timing of the whole paths differ.
         """
         if not isinstance(other, Path):
             raise InputError(f"a path goes on with a Path, got {other!r:.80}")
-        for name in ("tool_speed", "tool_acceleration"):
+        for name in ("tool_speed", "tool_acceleration", "timing"):
             mine, its = getattr(self, name), getattr(other, name)
             if mine != its:
                 raise InputError(f"cannot join paths with {name} {mine} and {its}")
@@ -262,6 +266,7 @@ class Path:
             "actions": [[i, action.to_dict()] for i, action in self.actions],
             "tool_speed": self.tool_speed,
             "tool_acceleration": self.tool_acceleration,
+            **({} if self.timing is None else {"timing": self.timing.value}),
         }
 
     @classmethod
@@ -279,6 +284,7 @@ class Path:
                 actions=tuple((int(i), read_action(a)) for i, a in table["actions"]),
                 tool_speed=table["tool_speed"],
                 tool_acceleration=table["tool_acceleration"],
+                timing=table.get("timing"),
             )
         except (KeyError, IndexError, TypeError, AttributeError) as error:
             raise InputError(f"not a path: {error!r}") from error
@@ -315,6 +321,7 @@ class Path:
             ("actions", f"{len(self.actions)}"),
             ("tool speed", _cap_in_words(self.tool_speed, "mm/s")),
             ("tool acceleration", _cap_in_words(self.tool_acceleration, "mm/s²")),
+            ("timing", "as the machine has it" if self.timing is None else self.timing.value),
         ]
         return notebook_html("Path", [rows], figure)
 
@@ -329,6 +336,18 @@ class Path:
     def __repr__(self) -> str:
         count = len(self.segments)
         return f"Path({show(self.start)} to {show(self.end)} mm, {count} segment{'s'[: count > 1]})"
+
+
+def as_timing(value: object) -> Timing:
+    """Return the method that a word names.
+
+    Raises:
+        InputError: None has this name.
+    """
+    if not isinstance(value, str) or value not in list(Timing):
+        words = ", ".join(f'"{timing.value}"' for timing in Timing)
+        raise InputError(f"timing = {value!r:.80}: must be one of {words}")
+    return Timing(value)
 
 
 def _describe_corners(corners: Sequence[Corner]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,6 +20,7 @@ SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a j
 ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
 SHARPEST = np.cos(np.radians(170.0))  # corners that turn back further than this are rests
 SHORTEST = 1e-4  # [mm]; to slow down for a shorter blend takes as long as to rest in the corner
+ROUNDED_OFF = 1e-6  # [mm] by which explicit blends may overlap: they are shortened
 VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
 
 IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
@@ -125,20 +126,27 @@ def _find_corners_to_round(
     before, after, shape, tolerance = np.array(fields, dtype=np.float64).reshape(-1, 4).T
     left = raw.joints[which]
     corners = Corners(which + 1, left, tolerance, shape, explicit, before, after)
-    if explicit.any():
-        _refuse_overlaps(raw.curve, corners)
-    return corners
+    return _fit_explicit_blends(raw.curve, corners) if explicit.any() else corners
 
 
-def _refuse_overlaps(curve: Curve, corners: Corners) -> None:
-    """Refuse explicit blends that are longer than their segments."""
+def _fit_explicit_blends(curve: Curve, corners: Corners) -> Corners:
+    """Refuse explicit blends that are longer than their segments.
+
+    Where that is by no more than what rounding of points in a file makes of blends that just fit,
+    they are shortened until they do.
+
+    Raises:
+        PathError: They overlap, or one reaches past its segment.
+    """
     need = np.zeros(curve.count)
     np.add.at(need, corners.left, corners.before)
     np.add.at(need, corners.left + 1, corners.after)
     excess = need - curve.spans
-    fits = excess <= VANISHED
+    fits = excess <= ROUNDED_OFF
     if fits.all():
-        return
+        share = curve.spans / np.maximum(need, curve.spans)
+        before = corners.before * share[corners.left]
+        return replace(corners, before=before, after=corners.after * share[corners.left + 1])
     piece = int(np.argmax(~fits))
     ends = [
         int(w)

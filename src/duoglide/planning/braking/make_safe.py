@@ -42,7 +42,6 @@ class _Caps(NamedTuple):
         slower: First factor by which the whole is stretched; each next one is its square.
         stretches: At most: by 1.1, 1.1^2, 1.1^4 and so on, 1.1^255 in all.
         replans: At other speeds, before the whole is stretched.
-        replans: At other speeds, before the whole is stretched.
     """
 
     sample: float = 0.001
@@ -55,7 +54,6 @@ class _Caps(NamedTuple):
     longest: float = 20.0
     slower: float = 1.1
     stretches: int = 8
-    replans: int = 2
     replans: int = 2
 
 

@@ -82,8 +82,8 @@ def _passes(one: Path, other: Path, tolerance: float) -> bool:
     last = len(one.segments)
     halts = [action for i, action in one.actions if i == last and needs_rest(action)]
     halts += [action for i, action in other.actions if i == 0 and needs_rest(action)]
-    same = one.tool_speed == other.tool_speed and one.tool_acceleration == other.tool_acceleration
-    if halts or not same:
+    whole = ((path.tool_speed, path.tool_acceleration, path.timing) for path in (one, other))
+    if halts or len(set(whole)) > 1:
         return False
     joint = Path((one.segments[-1], other.segments[0]), (tolerance,))
     return round_corners(joint).curve.rests == ()

@@ -22,8 +22,8 @@ import numpy as np
 
 from duoglide.arrays import as_number
 from duoglide.errors import DuoglideError, InputError, LimitError, PathError
-from duoglide.machine import Machine
-from duoglide.motion.path.path import Path
+from duoglide.machine import Machine, Timing
+from duoglide.motion.path.path import Path, as_timing
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import distance
 from duoglide.planning.programs.joints import Entry, find_entries
@@ -53,6 +53,7 @@ def plan_program(
     progress: Count | None = None,
     *,
     tolerance: float = 0.0,
+    timing: Timing | str | None = None,
 ) -> Iterator[Trajectory]:
     """Plan one path after the other, each trajectory from the state in which the last one ends.
 
@@ -67,18 +68,20 @@ def plan_program(
         progress: Told after each path.
         tolerance: Corner tolerance between one path and the next [mm]; 0: rest in that corner,
             unless the paths join smoothly.
+        timing: See ``plan``. Parts that begin in motion under a jerk limit are timed near-optimal
+            where toppra is asked for, as toppra's motion has none of its own.
 
     Raises:
-        InputError: The tolerance is not a number from 0.
+        InputError: The tolerance is not a number from 0, or there is no such timing.
         PathError: Names the path, and where, what and by how much; or that it does not start where
             the one before ends. What comes before that path is yielded first, to a rest.
     """
     if as_number(tolerance, "tolerance [mm]") < 0.0:
         raise InputError(f"tolerance = {tolerance:g} mm: must be 0 or above")
     total = 0.0
-    for done, trajectory in _Program(
-        machine, brake_safe, find_entries(machine, paths, tolerance)
-    ).run():
+    method = None if timing is None else as_timing(timing)
+    program = _Program(machine, brake_safe, find_entries(machine, paths, tolerance), method)
+    for done, trajectory in program.run():
         total += trajectory.duration
         if progress is not None:
             progress(done, total)
@@ -110,6 +113,7 @@ class _Program:
         machine: The machine.
         brake_safe: See ``plan``.
         source: Of the paths.
+        timing: See ``plan``.
         queue: Paths that the motion has not passed, the first one perhaps in part.
         path: What is left of the first one; None: all of it.
         lead: How the motion begins there; None: at rest.
@@ -122,6 +126,7 @@ class _Program:
     machine: Machine
     brake_safe: bool
     source: Iterator[Entry]
+    timing: Timing | None = None
     queue: deque[Entry] = field(default_factory=deque)
     path: Path | None = None
     lead: Lead | None = None
@@ -194,7 +199,7 @@ class _Program:
         lead = self.lead
         if window.seam is not None:
             lead = replace(lead or Lead(), ahead=window.seam)
-        return plan_window(self.machine, window.path, lead, self.brake_safe)
+        return plan_window(self.machine, window.path, lead, self.brake_safe, self.timing)
 
     def _advance(self, count: int, rest: Path | None) -> None:
         """Go to the rest at the end of so many paths, or where a part of the last one is left."""

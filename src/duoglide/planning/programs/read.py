@@ -6,6 +6,7 @@
     tolerance = 2.0              # corner tolerance of every corner that has none of its own [mm]
     speed = 800                  # cap on the tool's speed [mm/s], left out: none
     acceleration = 20000         # cap on the tool's acceleration [mm/s^2], left out: none
+    timing = "near-optimal"      # or "toppra" or "ruckig"; left out: as the machine has it
     ignore = ["author"]          # keys to skip, each counted in the report
 
     [[moves]]

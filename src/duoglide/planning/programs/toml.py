@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from duoglide.arrays import as_number, as_triples
 from duoglide.errors import InputError
 from duoglide.machine.toml_read import read_tables
 from duoglide.motion.path.actions import read_action
-from duoglide.motion.path.path import Path
+from duoglide.motion.path.path import Path, as_timing
 from duoglide.motion.path.segments import (
     Arc,
     Line,
@@ -23,7 +24,7 @@ from duoglide.planning.programs.notes import ProgramNotes
 from duoglide.planning.programs.path_builder import PathBuilder
 from duoglide.planning.programs.pick_and_place import pick_and_place
 
-_HEADER = {"start", "tolerance", "speed", "acceleration", "ignore", "moves"}
+_HEADER = {"start", "tolerance", "speed", "acceleration", "timing", "ignore", "moves"}
 _ACTIONS = ("set_output", "wait_input", "dwell")
 
 
@@ -54,7 +55,8 @@ def read_toml(text: str, tolerance: float = 0.0, notes: ProgramNotes | None = No
             _add(builder, move, corner, notes)
         except InputError as error:
             raise InputError(f"move {index}: {error}") from error
-    return builder.build(table.get("speed"), table.get("acceleration"))
+    path = builder.build(table.get("speed"), table.get("acceleration"))
+    return replace(path, timing=as_timing(table["timing"])) if "timing" in table else path
 
 
 def _add(

@@ -8,7 +8,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
-from duoglide.machine import Machine
+from duoglide.machine import Machine, Timing
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.path.path import Path
@@ -21,7 +21,8 @@ from duoglide.planning.check.check import check_path
 from duoglide.planning.plan import plan
 from duoglide.planning.stops.certificate import certify_stops, stop_bounds_until
 from duoglide.planning.timing.lead import Lead
-from duoglide.planning.timing.time_path import time_path
+from duoglide.planning.timing.span import Effort
+from duoglide.planning.timing.time_path import time_path, wished_timing
 from duoglide.planning.timing.timed_curve import SigmaCap
 from duoglide.planning.tolerances import NANOMETRE
 from duoglide.planning.trajectory import Trajectory
@@ -47,7 +48,13 @@ class Seam:
     lead: Lead
 
 
-def plan_window(machine: Machine, path: Path, lead: Lead | None, brake_safe: bool) -> Trajectory:
+def plan_window(
+    machine: Machine,
+    path: Path,
+    lead: Lead | None,
+    brake_safe: bool,
+    timing: Timing | None = None,
+) -> Trajectory:
     """Plan a path to rest from the state in which the program has got there.
 
     Args:
@@ -56,19 +63,22 @@ def plan_window(machine: Machine, path: Path, lead: Lead | None, brake_safe: boo
         lead: How it begins, and from where on it is only a way to rest; None: it is all there is,
             from rest to rest.
         brake_safe: See ``plan``.
+        timing: See ``plan``.
 
     Raises:
         PathError: The machine cannot follow the path.
         LimitError: No motion was found that begins like ``lead``.
     """
     if lead is None:
-        return plan(machine, path, brake_safe)
+        return plan(machine, path, brake_safe, timing=timing)
     carriages = map_to_carriages(check_path(machine, path))
-    motion = time_path(carriages, lead=lead)
+    effort = Effort(timing=wished_timing(path, timing))
+    motion = time_path(carriages, effort, lead=lead)
     if brake_safe:
 
         def retimed(sigma: FloatArray, speed: FloatArray) -> Motion:
-            return time_path(carriages, sigma_cap=lead.lift(SigmaCap(sigma, speed)), lead=lead)
+            cap = lead.lift(SigmaCap(sigma, speed))
+            return time_path(carriages, effort, sigma_cap=cap, lead=lead)
 
         motion = make_brake_safe(motion, retimed)
         if motion.profile.knots[0, SPEED] != lead.speed:

@@ -169,11 +169,16 @@ class _Corner:
         return sqrt(min(at_a, at_b))
 
 
-def choose_blends(machine: Machine, path: Path) -> RoundedPath:
+def choose_blends(machine: Machine, path: Path, *, trials: bool = True) -> RoundedPath:
     """Round the corners of a path between lines with blends that are chosen for a quick motion.
 
     Corners keep their tolerance. Corners with a blend of their own, sharp ones and those at rests
     are rounded as they say. Whether the machine can follow is for the check to say.
+
+    Args:
+        machine: Whose limits the time depends on.
+        path: With its corner tolerances.
+        trials: Whether to look for the best ones; else they are usual ones, at once.
 
     Raises:
         PathError: Explicit blends do not fit.
@@ -184,7 +189,7 @@ def choose_blends(machine: Machine, path: Path) -> RoundedPath:
     corners = _find_open_corners(path, rounded)
     if not corners:
         return rounded
-    if len(corners) > _LOOK.corners:
+    if not trials or len(corners) > _LOOK.corners:
         return round_corners(_apply_style(path, corners, Style(*_LOOK.usual)))
     balances: tuple[float, ...] = _LOOK.balances
     if len(corners) == 1 and corners[0].side == 0:

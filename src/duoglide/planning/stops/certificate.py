@@ -22,7 +22,8 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.motion.motion import Motion
-from duoglide.motion.profile import Profile
+from duoglide.motion.path.transfer import TransferPath
+from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.stop_bounds import RateTable, StopBounds
 from duoglide.planning.compare import first_least, whole
 from duoglide.planning.stops.kernel import find_largest_slopes, find_windows
@@ -107,7 +108,7 @@ def _estimate_stop(motion: Motion) -> float:
     limits = motion.machine.stop_limits
     speeds = np.abs(motion.at(np.linspace(0.0, motion.duration, 101)).velocity)
     v, a, j = speeds.max(axis=0), limits.acceleration, limits.jerk
-    return float(np.where(v * j > a * a, v / a + a / j, 2.0 * np.sqrt(v / j)).max())
+    return float(np.where(v > a * (a / j), v / a + a / j, 2.0 * np.sqrt(v / j)).max())
 
 
 def _find_slopes(motion: Motion, cells: int) -> FloatArray:
@@ -140,7 +141,9 @@ def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     """Bound velocity, acceleration and jerk in some of the cells, each sign by itself.
 
     The first two are rigorous: between samples they change at most by the next one's peak times
-    half the spacing. Jerk is the largest sample of the cell and of one sample to each side.
+    half the spacing. Jerk is the largest sample of the cell and of one sample to each side. Where
+    a machine has no jerk limit, its peak may be any size within next to no time, and tells nothing:
+    there acceleration is looked at where the profile has its knots too.
 
     Returns:
         Largest positive and largest negative values, both as amounts, shape (2, 3, n, 3).
@@ -151,11 +154,39 @@ def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     one = np.stack([state.velocity, state.acceleration, state.jerk])
     signed = np.stack([one, -one])
     between = np.maximum(signed[:, :, 1:], signed[:, :, :-1])
+    jumps = bool(np.isinf(motion.machine.limits.jerk).any())
+    if jumps:
+        between[:, 1] = _find_extremes(motion, np.clip(times, 0.0, motion.duration))
     wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
     peaks: FloatArray = wide.reshape(2, 3, -1, _CELLS.samples, 3).max(axis=3)
-    peaks[:, 1] += 0.5 * step * peaks[:, 2].max(axis=0)
+    if not jumps:
+        peaks[:, 1] += 0.5 * step * peaks[:, 2].max(axis=0)
     peaks[:, 0] += 0.5 * step * peaks[:, 1].max(axis=0)
     return np.maximum(peaks, 0.0)
+
+
+def _find_extremes(motion: Motion, times: FloatArray) -> FloatArray:
+    """Return the largest accelerations between times, and the largest of the other sign.
+
+    Between two knots, an acceleration is off its chord by an eighth of the step times the change
+    of its slope.
+
+    Returns:
+        Shape (2, n - 1, 3); -inf where two times are the same.
+    """
+    path = motion.path
+    knots = path.breaks if isinstance(path, TransferPath) else motion.profile.knots[:, TIME]
+    inside = knots[(knots > times[0]) & (knots < times[-1])]
+    fine = np.union1d(times, inside)
+    after, before = motion.at(fine), motion.at(np.nextafter(fine, 0.0))
+    bow = np.diff(fine)[:, None] / 8.0 * np.abs(before.jerk[1:] - after.jerk[:-1])
+    first, last = after.acceleration[:-1], after.acceleration[1:]
+    tops = np.stack([np.maximum(first, last) + bow, -np.minimum(first, last) + bow])
+    begin, end = np.searchsorted(fine, times[:-1]), np.searchsorted(fine, times[1:])
+    begin = np.minimum(begin, tops.shape[1] - 1)
+    found: FloatArray = np.maximum.reduceat(tops, begin, axis=1)
+    found[:, begin == end] = -np.inf
+    return found
 
 
 def _allow_in_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:

@@ -14,13 +14,13 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-import ruckig
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import CarriageLimits
 from duoglide.motion.path.rounded import SpeedCap
-from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, integrate_jerks
+from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
+from duoglide.planning.timing.ask_ruckig import End, Start, ask_ruckig
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem
 from duoglide.planning.timing.timed_curve import SigmaCap, TimedCurve
 from duoglide.planning.tolerances import ALIKE, ROUNDING
@@ -136,41 +136,15 @@ class Lead:
         rate = max(bounds[1], _LEAD.spare * abs(self.acceleration), self.speed**2 / length)
         third = max(bounds[2], 2.0 * self.acceleration**2 / self.speed, rate**2 / speed)
         for _ in range(_LEAD.tries):
-            top = max(
-                speed,
-                self.speed + _LEAD.spare * max(self.acceleration, 0.0) ** 2 / (2.0 * third),
-            )
-            found = self._ruckig(start, length, (top, rate, third))
+            more = _LEAD.spare * max(self.acceleration, 0.0) ** 2 / (2.0 * third)
+            begin = Start(start, self.speed, self.acceleration)
+            found = ask_ruckig(begin, End(end), (max(speed, self.speed + more), rate, third))
             if found is not None:
                 return found
             rate, third = 2.0 * rate, 4.0 * third
         raise LimitError(
             f"no motion from {self.speed:g} mm/s to rest within {length:g} mm that does not turn"
         )
-
-    def _ruckig(
-        self, start: float, length: float, bounds: tuple[float, float, float]
-    ) -> Profile | None:
-        """Ask ruckig for a motion along a line, in units of the length and of length / speed."""
-        second = length / bounds[0]
-        question = ruckig.InputParameter(1)
-        question.current_position, question.target_position = [0.0], [1.0]
-        question.current_velocity = [self.speed * second / length]
-        question.current_acceleration = [self.acceleration * second**2 / length]
-        names = "max_velocity", "max_acceleration", "max_jerk"
-        for order, (name, bound) in enumerate(zip(names, bounds, strict=True), start=1):
-            setattr(question, name, [bound * second**order / length])
-        answer = ruckig.Trajectory(1)
-        result = ruckig.Ruckig(1).calculate(question, answer)
-        (profile,) = answer.profiles[0]
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished) or any(profile.brake.t):
-            return None
-        times = np.array(profile.t) * second
-        jerks = np.array(profile.j) * length / second**3
-        last = times > ROUNDING * times.sum()
-        phases = zip(jerks[last].tolist(), times[last].tolist(), strict=True)
-        state = (start, self.speed, self.acceleration)
-        return _profile_if_forward(integrate_jerks(state, phases, start + length))
 
 
 def continue_known(known: Profile, problem: RetimingProblem) -> Retiming:
@@ -204,15 +178,6 @@ def thin(known: Profile, breaks: FloatArray, cells: int) -> FloatArray:
             kept.append(knot)
             before = knot[TIME]
     return np.array([*kept, *known.knots[-2:]])  # between the last two it levels out
-
-
-def _profile_if_forward(knots: FloatArray) -> Profile | None:
-    """Return the profile, or None where it stands or goes back before its end."""
-    if np.any(np.diff(knots[:, SIGMA]) <= 0.0):
-        return None
-    profile = Profile(knots)
-    looks = profile.at(np.linspace(0.0, profile.duration, _LEAD.looks)[:-1])
-    return profile if bool(np.all(looks[:, 1] > 0.0)) else None
 
 
 def lower_limits(timed: TimedCurve, ahead: float) -> TimedCurve:

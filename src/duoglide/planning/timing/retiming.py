@@ -25,6 +25,7 @@ from duoglide.planning.timing.solver import Limits, Nodes, solve
 from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+_SAME = 1e-9  # of the motion's way; a knot that much beside a break stands at it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +124,26 @@ class RetimingProblem:
         count = self.delta.size + 1
         return Retiming(np.full(count, 1.0 / max(v, a, np.cbrt(j) ** 2)), np.zeros(count))
 
+    def follow(self, motion: Profile) -> Retiming:
+        """Return the retiming with the speeds of a motion, where one node's jerk allows them.
+
+        Args:
+            motion: Along the same sigma, from rest to rest.
+        """
+        from scipy.interpolate import PchipInterpolator
+
+        knots, own = self.base.knots, np.abs(self.jerk[..., 2])
+        most = np.full(len(knots), np.inf)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for part, at in ((most[:-1], own[:, 0]), (most[1:], own[:, -1])):
+                np.minimum(part, at.max(axis=-1) ** (-2.0 / 3.0), out=part)
+            times = [motion.time_at(sigma) for sigma in knots[:, SIGMA].tolist()]
+            alpha = (motion.at(times)[:, 1] / knots[:, SPEED]) ** 2
+        alpha = np.fmin(alpha, most)
+        # slopes with which no cubic dips between its nodes
+        slopes = PchipInterpolator(knots[:, TIME], alpha).derivative()(knots[:, TIME])
+        return Retiming(alpha, 0.5 * slopes)
+
     def improve(self, start: Retiming, rounds: int, tolerance: float) -> Retiming:
         """Return the retiming after ``rounds`` tangents, each problem solved to ``tolerance``."""
         now = start
@@ -205,8 +226,9 @@ def on_grid(base: Profile, times: FloatArray, breaks: FloatArray) -> Profile:
     knots[:, TIME], knots[:, SIGMA:] = times, base.at(times)[:, :3]
     knots[0, SIGMA:], knots[-1, SIGMA:] = base.knots[0, SIGMA:], base.knots[-1, SIGMA:]
     near = np.searchsorted(knots[:, SIGMA], breaks)
+    same = _SAME * (base.end - base.knots[0, SIGMA]) + 16.0 * np.spacing(np.abs(breaks))
     for shift in (-1, 0):
         k = np.minimum(np.maximum(near + shift, 0), len(knots) - 1)
-        hit = np.abs(knots[k, SIGMA] - breaks) <= 1e-9 * (1.0 + np.abs(breaks))
+        hit = np.abs(knots[k, SIGMA] - breaks) <= same
         knots[k[hit], SIGMA] = breaks[hit]
     return Profile(knots)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
-from duoglide.motion.profile import TIME, Profile
+from duoglide.machine import Timing
+from duoglide.motion.profile import SIGMA, TIME, Profile
 from duoglide.motion.timing_report import TimingMethod
 from duoglide.planning.compare import less
 from duoglide.planning.timing.base import plan_seven_phases
@@ -57,13 +58,15 @@ class _Refining(NamedTuple):
 
 _FIT = _Refining()
 COARSE = "a refinement did not converge: the motion before it is kept"
+NO_START = "no retiming that begins from toppra's motion converged: it begins from another one"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """How finely and how long to look for the quickest timing.
+    """How to look for a timing: by which method, how finely and how long.
 
     Attributes:
+        timing: By which method; None: see ``time_path.choose_timing``.
         coarse: Cells of the first problem, which only shows where time is spent.
         cells: Cells of the second problem.
         per_piece: Cells of each piece of the curve, at least.
@@ -73,6 +76,7 @@ class Effort:
         tolerance: Of the duration, relative.
     """
 
+    timing: Timing | None = None
     coarse: int = 32
     cells: int = 70
     per_piece: int = 4
@@ -101,10 +105,24 @@ class Span:
     reason: str = ""
 
 
-def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Span:
-    """Time the part of a curve between two rests, ``start`` and ``end`` [mm]."""
+def time_span(
+    timed: TimedCurve, start: float, end: float, effort: Effort, like: Profile | None = None
+) -> Span:
+    """Time the part of a curve between two rests, ``start`` and ``end`` [mm].
+
+    Args:
+        timed: The curve.
+        start: Where the motion begins [mm].
+        end: Where it ends [mm].
+        effort: How finely to look.
+        like: A motion that may exceed the jerk limit, to begin the search from; where that does not
+            converge, it begins from a motion of its own, and the span's reason says so.
+    """
     search = Search.between(timed, start, end)
-    found = search.soften_limits(effort).find_quickest(effort)
+    found = search.soften_limits(effort).find_quickest(effort, like)
+    if found is None and like is not None:
+        again = time_span(timed, start, end, effort)
+        return make_span(again.profile, NO_START, again.reason)
     if found is None:
         effort = effort.use_more_cells()
         found = search.soften_limits(effort).find_quickest(effort)
@@ -248,21 +266,31 @@ class Search:
         times = np.union1d(every[apart], self.fixed)
         return _slow_to_limits(self.timed, on_grid(self.base, times, self.sigma))
 
-    def find_quickest(self, effort: Effort) -> Span | None:
-        """Return the near-optimal motion, or None where the solver does not converge."""
-        coarse = self.divide_base(self.own_clock, effort.coarse, 2)
-        rough = self.state_problem(coarse)
-        first = rough.settle(rough.uniform(), 1, 1e-3)
-        if not first.converged:
-            return None
-        clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
+    def find_quickest(self, effort: Effort, like: Profile | None = None) -> Span | None:
+        """Return the near-optimal motion, or None where the solver does not converge.
+
+        Args:
+            effort: How finely to look.
+            like: Shows where time is spent and begins the search; without it, a problem of few
+                cells does.
+        """
+        if like is None:
+            coarse = self.divide_base(self.own_clock, effort.coarse, 2)
+            rough = self.state_problem(coarse)
+            first = rough.settle(rough.uniform(), 1, 1e-3)
+            if not first.converged:
+                return None
+            clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
+        else:
+            there = [self.base.time_at(sigma) for sigma in like.knots[:, SIGMA].tolist()]
+            clock = np.array(there), like.knots[:, TIME]
         times = self.divide_base(clock, effort.cells, effort.per_piece)
         timed = self.timed.soften_limits(
             _FIT.ramp * times.size / clock[1][-1]
         )  # the base is slower than that
         search = replace(self, timed=timed)
         problem = search.state_problem(times)
-        begin = first.resample(coarse, times)
+        begin = first.resample(coarse, times) if like is None else problem.follow(like)
         found = problem.settle(begin, max(1, effort.rounds - _FIT.saved), effort.tolerance)
         if not found.converged:
             return None

@@ -25,7 +25,8 @@ from duoglide.planning.tolerances import NANOMETRE, NO_CAP
 
 _SIDES = 8  # pairs of opposite sides of the polygon that stands for a circle
 _INNER = np.cos(np.pi / (2 * _SIDES))
-_RESERVED = (1.01 ** np.arange(1.0, 4.0))[:, None]  # of velocity, acceleration and jerk
+_QUICKEST = 1e9  # 1/s: a jerk without a limit is at most this times the acceleration's limit
+RESERVED = (1.01 ** np.arange(1.0, 4.0))[:, None]  # of velocity, acceleration and jerk
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,8 @@ class TimedCurve:
         """Limits of the carriages: derivative, carriage, (3, 3)."""
         limits = self.machine.limits
         acceleration = np.minimum(limits.acceleration, self.rate * limits.velocity)
-        jerk = np.minimum(limits.jerk, self.rate * acceleration)
+        jerk = np.where(np.isinf(limits.jerk), _QUICKEST * acceleration, limits.jerk)
+        jerk = np.minimum(jerk, self.rate * acceleration)
         return np.stack([limits.velocity, acceleration, jerk])
 
     @cached_property
@@ -168,7 +170,7 @@ class TimedCurve:
             raise UnreachableError(f"the curve is out of reach at sigma = {rows[lost, 0]:.6g} mm")
         result /= self.limits
         if self.ahead < self.curve.end:
-            result[motion[..., 0] > self.ahead] *= _RESERVED
+            result[motion[..., 0] > self.ahead] *= RESERVED
         return result
 
     def caps(self, motion: FloatArray, piece: Any, middle: FloatArray) -> CapUse:

@@ -15,6 +15,7 @@ from duoglide.machine import CarriageLimits
 from duoglide.motion.profile import advance_state
 
 _LARGEST = 1e7  # a limit this many times what the motion needs is none
+_RAMP = 1e-3  # of the unit of time: in it, an acceleration without a jerk limit is reached
 _SAME_TIME = 1e-12  # Ends of phases that are nearer than this share of the duration are one.
 _FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
@@ -41,6 +42,7 @@ def plan_rest_to_rest(
     length = float(way.max())
     longest = np.max([way / limits.velocity, (way / limits.acceleration) ** 0.5], axis=0)
     second = float(np.maximum(longest, np.cbrt(way / limits.jerk)).max())  # the unit of time
+    limits = limits.within(_RAMP * second)
     question = ruckig.InputParameter(3)
     question.synchronization = sync
     question.current_position = [0.0, 0.0, 0.0]
