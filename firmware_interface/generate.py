@@ -1,6 +1,6 @@
-"""Make linear_axis.h and linear_axis.dbc from linear_axis.eds.
+"""Make reference_axis/linear_axis.h and linear_axis.dbc from linear_axis.eds.
 
-    python firmware_interface/generate.py            write both beside the EDS
+    python firmware_interface/generate.py            write both
     python firmware_interface/generate.py --nodes 4 5 6 --dbc other.dbc
 
 Plain Python, no packages. tests/firmware/test_generate.py says when the two files are stale.
@@ -16,6 +16,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 EDS = HERE / "linear_axis.eds"
+HEADER = HERE / "reference_axis" / "linear_axis.h"
 
 _C_TYPES = {
     0x0002: "int8_t",
@@ -194,7 +195,7 @@ def main() -> None:
     parser.add_argument("--dbc", type=Path, default=HERE / "linear_axis.dbc")
     arguments = parser.parse_args()
     entries = read_eds(EDS)
-    (HERE / "linear_axis.h").write_text(make_header(entries), encoding="ascii")
+    HEADER.write_text(make_header(entries), encoding="ascii")
     arguments.dbc.write_text(make_dbc(entries, arguments.nodes), encoding="ascii")
 
 

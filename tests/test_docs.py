@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import runpy
 import shlex
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import pytest
 import typer
 
 import duoglide as dg
-from duoglide.cli.main import app
+from duoglide.cli.main import app, run
+from duoglide.control.channel.events import Condition
+from duoglide.machine.drive_contract import CONTRACT
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -64,3 +67,47 @@ def test_every_piece_of_python_is_python_with_names_that_exist(page: Path) -> No
         for node in ast.walk(ast.parse(block)):
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
                 assert node.value.id != "dg" or node.attr in dg.__all__, f"dg.{node.attr}"
+
+
+def messages(folder: Path) -> list[str]:
+    """Return every text of a folder's code, with … for what is put in."""
+    found = []
+    for file in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                parts = (p.value if isinstance(p, ast.Constant) else "…" for p in node.values)
+                found.append("".join(map(str, parts)))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found.append(node.value)
+    return found
+
+
+def test_every_heading_of_troubleshooting_is_a_message_of_the_code() -> None:
+    page = (ROOT / "docs" / "howto" / "troubleshooting.md").read_text("utf-8")
+    said = messages(ROOT / "src" / "duoglide")
+    headings = re.findall(r"^### (.+)$", page, re.M)
+    assert len(headings) > 60
+    for heading in headings:
+        words = ".*".join(map(re.escape, re.split("…", heading)))
+        assert any(re.search(words, text, re.S) for text in said), heading
+
+
+def test_every_condition_that_ends_a_run_is_in_troubleshooting() -> None:
+    page = (ROOT / "docs" / "howto" / "troubleshooting.md").read_text("utf-8")
+    missing = [c.value for c in Condition if f"\n| {c.value} |" not in page]
+    assert not missing, missing
+
+
+def test_the_table_of_gaps_and_the_dictionary_shown_are_those_of_the_code(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    page = (ROOT / "docs" / "howto" / "foreign.md").read_text("utf-8")
+    hooks = runpy.run_path(str(ROOT / "docs" / "hooks.py"))
+    made = hooks["on_page_markdown"](page)
+    for item in CONTRACT:
+        assert f"| 0x{item.index:04X}" in made, item
+        assert item.cost in made, item
+    eds = ROOT / "docs" / "howto" / "acme_sd1.eds"
+    assert run(["drives", "probe", "--eds", str(eds)]) == 0
+    shown = (ROOT / "docs" / "howto" / "acme_sd1.md").read_text("utf-8")
+    assert shown == f"```toml\n{capsys.readouterr().out}```\n"

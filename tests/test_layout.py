@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -18,9 +19,21 @@ MODULES = {
 PAGE = ROOT / "docs" / "where.md"
 
 
-def _imports(module: str) -> Iterator[tuple[str, str]]:
-    """Yield (module, name) of each import, those in functions and under TYPE_CHECKING included."""
-    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+@cache
+def _parse(file: Path) -> ast.Module:
+    """Read a module once for all tests."""
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+@cache
+def _imports(module: str) -> tuple[tuple[str, str], ...]:
+    """Return (module, name) of each import, those in functions and under TYPE_CHECKING included."""
+    return tuple(_find_imports(_parse(MODULES[module])))
+
+
+def _find_imports(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Yield the imports of a module as ``_imports`` returns them."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("duoglide"):
             for alias in node.names:
                 whole = f"{node.module}.{alias.name}"
@@ -80,10 +93,11 @@ def test_what_the_page_names_is_defined_there_and_only_there(
     assert [path.relative_to(SOURCE / "duoglide").as_posix() for path in found] == [file]
 
 
+@cache
 def _defined(file: Path) -> set[str]:
     """Return the functions, classes, methods (as Class.method) and constants of a module."""
     names: set[str] = set()
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+    for node in _parse(file).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             names.add(node.name)
         if isinstance(node, ast.ClassDef):

@@ -1,6 +1,6 @@
 #include "axis.h"
 
-#include "../linear_axis.h"
+#include "linear_axis.h"
 #include "objects.h"
 
 /* statusword bits beside the state's own */
@@ -18,11 +18,16 @@
 
 typedef enum { DISABLE_VOLTAGE, QUICK_STOP, SHUTDOWN, SWITCH_ON, ENABLE } command_t;
 
+/* of the statusword, in the order of lax_state_t */
 static const uint16_t patterns[] = {
-    [LAX_NOT_READY_TO_SWITCH_ON] = 0x0000, [LAX_SWITCH_ON_DISABLED] = 0x0040,
-    [LAX_READY_TO_SWITCH_ON] = 0x0021,     [LAX_SWITCHED_ON] = 0x0023,
-    [LAX_OPERATION_ENABLED] = 0x0027,      [LAX_QUICK_STOP_ACTIVE] = 0x0007,
-    [LAX_FAULT_REACTION_ACTIVE] = 0x000F,  [LAX_FAULT] = 0x0008,
+    0x0000, /* not ready to switch on */
+    0x0040, /* switch on disabled */
+    0x0021, /* ready to switch on */
+    0x0023, /* switched on */
+    0x0027, /* operation enabled */
+    0x0007, /* quick stop active */
+    0x000F, /* fault reaction active */
+    0x0008, /* fault */
 };
 
 static int64_t clip(int64_t value, int64_t low, int64_t high)
@@ -345,9 +350,18 @@ static void act_on_controlword(lax_axis_t *axis, uint16_t before, uint16_t word)
 
 void lax_init(lax_axis_t *axis)
 {
-    *axis = (lax_axis_t){.state = LAX_NOT_READY_TO_SWITCH_ON, .after_stop = LAX_NO_STATE};
     lax_objects_init(&axis->objects);
+    axis->state = LAX_NOT_READY_TO_SWITCH_ON;
+    axis->after_stop = LAX_NO_STATE;
     lax_demand_init(&axis->demand);
+    lax_watch_init(&axis->watch);
+    axis->actual = axis->velocity = axis->origin = 0;
+    axis->inputs = 0;
+    axis->error_code = 0;
+    axis->emergency_count = 0;
+    axis->homed = axis->sto = axis->operational = axis->halted = false;
+    axis->limited = axis->following_error = false;
+    axis->homing_done = axis->homing_error = false;
 }
 
 static uint32_t change_mode(lax_axis_t *axis, int64_t mode)

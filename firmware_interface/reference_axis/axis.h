@@ -17,6 +17,10 @@
 #include "demand.h"
 #include "watch.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Emergency error codes, CiA 301 and CiA 402 */
 #define LAX_ERROR_STO 0x5441u
 #define LAX_ERROR_COMMUNICATION 0x8100u
@@ -126,5 +130,9 @@ int64_t lax_servo_demand(const lax_axis_t *axis);   /* [1/256 increment], as the
 int64_t lax_servo_velocity(const lax_axis_t *axis); /* [1/256 increment/s] */
 int64_t lax_period(const lax_axis_t *axis);         /* [us] */
 bool lax_take_emergency(lax_axis_t *axis, uint16_t *code);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -14,7 +14,11 @@ static int64_t magnitude(int64_t a) { return a < 0 ? -a : a; }
 
 void lax_demand_init(lax_demand_t *demand)
 {
-    *demand = (lax_demand_t){.phase = LAX_HOLD, .period = 1};
+    lax_demand_place(demand, 0);
+    demand->start = 0;
+    demand->end = 0;
+    demand->elapsed = 0;
+    demand->period = 1;
 }
 
 /* Stand at a position. */

@@ -8,6 +8,10 @@
 
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define LAX_FRACTION INT64_C(256)     /* parts of an increment */
 #define LAX_SECOND INT64_C(1000000)   /* [us] */
 
@@ -33,5 +37,9 @@ void lax_demand_place(lax_demand_t *demand, int64_t increments);
 void lax_demand_aim(lax_demand_t *demand, int64_t increments, int64_t period);
 void lax_demand_brake(lax_demand_t *demand);
 void lax_demand_advance(lax_demand_t *demand, int64_t dt, int64_t deceleration);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

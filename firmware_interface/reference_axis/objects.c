@@ -1,38 +1,36 @@
 /* The objects of the application: reading, writing, limits. Defaults come from the EDS. */
 #include "objects.h"
 
-#include "../linear_axis.h"
+#include "linear_axis.h"
 
 void lax_objects_init(lax_objects_t *o)
 {
-    *o = (lax_objects_t){
-        .heartbeat_consumer = LAX_CONSUMER_HEARTBEAT_TIME_HEARTBEAT_OF_THE_HOST_DEFAULT,
-        .setpoint_timer = LAX_RPDO1_COMMUNICATION_PARAMETER_EVENT_TIMER_DEFAULT,
-        .abort_option = LAX_ABORT_CONNECTION_OPTION_CODE_DEFAULT,
-        .controlword = LAX_CONTROLWORD_DEFAULT,
-        .quick_stop_option = LAX_QUICK_STOP_OPTION_CODE_DEFAULT,
-        .shutdown_option = LAX_SHUTDOWN_OPTION_CODE_DEFAULT,
-        .disable_option = LAX_DISABLE_OPERATION_OPTION_CODE_DEFAULT,
-        .halt_option = LAX_HALT_OPTION_CODE_DEFAULT,
-        .fault_option = LAX_FAULT_REACTION_OPTION_CODE_DEFAULT,
-        .mode = LAX_MODES_OF_OPERATION_DEFAULT,
-        .following_window = LAX_FOLLOWING_ERROR_WINDOW_DEFAULT,
-        .following_timeout = LAX_FOLLOWING_ERROR_TIME_OUT_DEFAULT,
-        .target = LAX_TARGET_POSITION_DEFAULT,
-        .home_offset = LAX_HOME_OFFSET_DEFAULT,
-        .limit_low = LAX_SOFTWARE_POSITION_LIMIT_MIN_POSITION_LIMIT_DEFAULT,
-        .limit_high = LAX_SOFTWARE_POSITION_LIMIT_MAX_POSITION_LIMIT_DEFAULT,
-        .greatest_velocity = LAX_MAX_PROFILE_VELOCITY_DEFAULT,
-        .quick_stop_ramp = LAX_QUICK_STOP_DECELERATION_DEFAULT,
-        .homing_method = LAX_HOMING_METHOD_DEFAULT,
-        .homing_search = LAX_HOMING_SPEEDS_SPEED_DURING_SEARCH_FOR_SWITCH_DEFAULT,
-        .homing_creep = LAX_HOMING_SPEEDS_SPEED_DURING_SEARCH_FOR_ZERO_DEFAULT,
-        .homing_ramp = LAX_HOMING_ACCELERATION_DEFAULT,
-        .period_value = LAX_INTERPOLATION_TIME_PERIOD_INTERPOLATION_TIME_PERIOD_VALUE_DEFAULT,
-        .period_exponent = LAX_INTERPOLATION_TIME_PERIOD_INTERPOLATION_TIME_INDEX_DEFAULT,
-        .outputs = LAX_DIGITAL_OUTPUTS_PHYSICAL_OUTPUTS_DEFAULT,
-        .output_mask = LAX_DIGITAL_OUTPUTS_BIT_MASK_DEFAULT,
-    };
+    o->heartbeat_consumer = LAX_CONSUMER_HEARTBEAT_TIME_HEARTBEAT_OF_THE_HOST_DEFAULT;
+    o->setpoint_timer = LAX_RPDO1_COMMUNICATION_PARAMETER_EVENT_TIMER_DEFAULT;
+    o->abort_option = LAX_ABORT_CONNECTION_OPTION_CODE_DEFAULT;
+    o->controlword = LAX_CONTROLWORD_DEFAULT;
+    o->quick_stop_option = LAX_QUICK_STOP_OPTION_CODE_DEFAULT;
+    o->shutdown_option = LAX_SHUTDOWN_OPTION_CODE_DEFAULT;
+    o->disable_option = LAX_DISABLE_OPERATION_OPTION_CODE_DEFAULT;
+    o->halt_option = LAX_HALT_OPTION_CODE_DEFAULT;
+    o->fault_option = LAX_FAULT_REACTION_OPTION_CODE_DEFAULT;
+    o->mode = LAX_MODES_OF_OPERATION_DEFAULT;
+    o->following_window = LAX_FOLLOWING_ERROR_WINDOW_DEFAULT;
+    o->following_timeout = LAX_FOLLOWING_ERROR_TIME_OUT_DEFAULT;
+    o->target = LAX_TARGET_POSITION_DEFAULT;
+    o->home_offset = LAX_HOME_OFFSET_DEFAULT;
+    o->limit_low = LAX_SOFTWARE_POSITION_LIMIT_MIN_POSITION_LIMIT_DEFAULT;
+    o->limit_high = LAX_SOFTWARE_POSITION_LIMIT_MAX_POSITION_LIMIT_DEFAULT;
+    o->greatest_velocity = LAX_MAX_PROFILE_VELOCITY_DEFAULT;
+    o->quick_stop_ramp = LAX_QUICK_STOP_DECELERATION_DEFAULT;
+    o->homing_method = LAX_HOMING_METHOD_DEFAULT;
+    o->homing_search = LAX_HOMING_SPEEDS_SPEED_DURING_SEARCH_FOR_SWITCH_DEFAULT;
+    o->homing_creep = LAX_HOMING_SPEEDS_SPEED_DURING_SEARCH_FOR_ZERO_DEFAULT;
+    o->homing_ramp = LAX_HOMING_ACCELERATION_DEFAULT;
+    o->period_value = LAX_INTERPOLATION_TIME_PERIOD_INTERPOLATION_TIME_PERIOD_VALUE_DEFAULT;
+    o->period_exponent = LAX_INTERPOLATION_TIME_PERIOD_INTERPOLATION_TIME_INDEX_DEFAULT;
+    o->outputs = LAX_DIGITAL_OUTPUTS_PHYSICAL_OUTPUTS_DEFAULT;
+    o->output_mask = LAX_DIGITAL_OUTPUTS_BIT_MASK_DEFAULT;
 }
 
 /* X-macro: key, member, type, least, greatest. One line an object. */

@@ -4,6 +4,16 @@
 
 #define MILLISECOND INT64_C(1000)
 
+void lax_watch_init(lax_watch_t *watch)
+{
+    watch->setpoint_age = 0;
+    watch->sync_age = 0;
+    watch->heartbeat_age = 0;
+    watch->setpoint_armed = false;
+    watch->heartbeat_armed = false;
+    watch->beyond_window = 0;
+}
+
 void lax_watch_advance(lax_watch_t *watch, int64_t dt)
 {
     watch->setpoint_age += dt;

@@ -302,7 +302,6 @@ class Watch:
     def __init__(self, drives: SimulatedDrives) -> None:
         self._drives, self._over = drives, threading.Event()
         self._places: list[list[float]] = []
-        self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._watch)
 
     def __enter__(self) -> list[list[float]]:

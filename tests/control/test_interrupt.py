@@ -15,7 +15,14 @@ from pathlib import Path
 import pytest
 
 import duoglide as dg
-from duoglide.control.host.interrupt import endings_interrupt, interrupting, undisturbed
+from duoglide.control.host.background import Background
+from duoglide.control.host.interrupt import (
+    EndingWatch,
+    Ultimatum,
+    endings_interrupt,
+    interrupting,
+    undisturbed,
+)
 from duoglide.control.host.run.report import require_success
 from duoglide.drives.simulation.faults import DeviceFault
 from duoglide.storage import EventKind, Topic, read_log
@@ -157,3 +164,87 @@ def test_signals_that_follow_closely_are_one(monkeypatch: pytest.MonkeyPatch) ->
     now += 2.0
     with pytest.raises(KeyboardInterrupt):
         handle(signal.SIGTERM, None)
+
+
+@pytest.mark.parametrize(
+    ("firm", "orders", "moving", "powered", "over"),
+    [
+        (True, 0, True, True, True),
+        (True, 1, False, True, True),  # an order is not yet the end ...
+        (True, 1, False, False, False),  # ... but without power there is nothing to insist on
+        (False, 0, True, True, True),
+        (False, 1, True, True, False),  # Ctrl-C has stopped the run, and the prompt is back
+        (False, 0, False, True, False),  # Ctrl-C at a prompt, while the machine stands
+    ],
+)
+def test_a_program_that_was_told_to_end_gets_so_long_and_no_longer(
+    firm: bool, orders: int, moving: bool, powered: bool, over: bool
+) -> None:
+    ultimatum = Ultimatum()
+    assert not ultimatum.is_over(0.0, 0, True)
+    handler = interrupting() if firm else signal.default_int_handler
+    ultimatum.begin(handler, 10.0, 0, moving)
+    ultimatum.begin(handler, 10.7, orders, moving)  # whoever repeats it puts nothing off
+    assert not ultimatum.is_over(10.7, orders, powered)
+    assert ultimatum.is_over(10.9, orders, powered) == over
+    assert not ultimatum.is_over(11.9, orders, powered)
+
+
+def test_signals_are_heard_beside_their_handlers_unless_they_are_the_programs_own() -> None:
+    handler = interrupting()
+    before = signal.signal(signal.SIGTERM, handler)
+    watch = EndingWatch()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        assert watch.take() == [handler]
+        signal.signal(signal.SIGTERM, lambda number, frame: None)
+        signal.raise_signal(signal.SIGTERM)
+        assert watch.take() == []
+    finally:
+        watch.close()
+        signal.signal(signal.SIGTERM, before)
+    assert signal.set_wakeup_fd(-1) == -1
+
+
+def test_a_file_for_signals_that_is_somebody_elses_is_left_to_them() -> None:
+    read, write = os.pipe2(os.O_NONBLOCK)
+    signal.set_wakeup_fd(write)
+    try:
+        EndingWatch().close()
+    finally:
+        assert signal.set_wakeup_fd(-1) == write
+        os.close(read)
+        os.close(write)
+
+
+def test_work_in_the_background_has_less_priority_and_its_errors_reach_who_waits() -> None:
+    background = Background()
+    try:
+        mine = os.getpriority(os.PRIO_PROCESS, 0)
+        theirs = background.do(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+        assert theirs >= min(mine + 1, 10)
+        with pytest.raises(dg.InputError, match="no such thing"):
+            background.do(lambda: _fail("no such thing"))
+    finally:
+        background.close()
+
+
+def test_who_waits_for_work_in_the_background_hears_a_signal_at_once() -> None:
+    background, end = Background(), threading.Event()
+    main = threading.get_ident()
+
+    def work() -> None:
+        signal.pthread_kill(main, signal.SIGINT)
+        end.wait()
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            background.do(work)
+    finally:
+        end.set()
+        background.close()
+
+
+def _fail(why: str) -> None:
+    raise dg.InputError(why)

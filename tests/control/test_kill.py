@@ -36,9 +36,12 @@ _ATTEMPTS = 4
 GENEROUS = 5.0  # s; what is asserted is that it happens, and what does not happen meanwhile
 
 HOST = """
-import sys, time
+import ctypes, signal, sys, time
 import duoglide as dg
-plan, bus, log = sys.argv[1:]
+from duoglide.control.host.interrupt import interrupting
+plan, bus, log, how = sys.argv[1:]
+signal.signal(signal.SIGTERM, interrupting())
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
 trajectory = dg.Trajectory.load(plan)
 with dg.Robot.connect(trajectory.machine, bus=bus) as robot:
     robot.enable()
@@ -49,6 +52,11 @@ with dg.Robot.connect(trajectory.machine, bus=bus) as robot:
             sys.exit(handle.wait())
         time.sleep(0.002)
     print(robot._connection.process.pid, flush=True)
+    if how != "wait":  # in a library that does not return, and does or does not let Python go on
+        library = ctypes.CDLL(None) if how == "stuck" else ctypes.PyDLL(None)
+        mutex = ctypes.create_string_buffer(64)
+        library.pthread_mutex_lock(mutex)
+        library.pthread_mutex_lock(mutex)
     handle.wait()
 """
 
@@ -90,9 +98,10 @@ class Scene:
 
 
 @pytest.fixture
-def scene(plan_file: Path, tmp_path: Path) -> Iterator[Scene]:
+def scene(plan_file: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Scene]:
+    how = getattr(request, "param", "wait")
     for attempt in range(_ATTEMPTS):
-        with _scene(plan_file, tmp_path / f"run{attempt}.mcap") as scene:
+        with _scene(plan_file, tmp_path / f"run{attempt}.mcap", how) as scene:
             if scene is not None:
                 yield scene
                 return
@@ -100,12 +109,12 @@ def scene(plan_file: Path, tmp_path: Path) -> Iterator[Scene]:
 
 
 @contextmanager
-def _scene(plan: Path, log: Path) -> Iterator[Scene | None]:
+def _scene(plan: Path, log: Path, how: str) -> Iterator[Scene | None]:
     """Set a scene; None where the host was stopped before its time, by late cycles."""
     start = home_carriages(MACHINE).tolist()
     with SimulatedDrives(MACHINE.drives, start) as drives:
         host = subprocess.Popen(
-            [sys.executable, "-c", HOST, str(plan), drives.address, str(log)],
+            [sys.executable, "-c", HOST, str(plan), drives.address, str(log), how],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
@@ -190,6 +199,20 @@ def test_an_interrupted_host_stops_on_the_path_and_switches_off(scene: Scene) ->
     assert scene.least_clearance() > 0.0
     assert not _alive(scene.streamer)
     assert read_log(scene.log).documents
+
+
+@pytest.mark.parametrize(
+    ("scene", "number"),
+    [("stuck", signal.SIGTERM), ("locked", signal.SIGINT)],
+    indirect=["scene"],
+)
+def test_a_signal_to_a_host_that_is_stuck_stops_the_machine_and_switches_it_off(
+    scene: Scene, number: signal.Signals
+) -> None:
+    scene.host.send_signal(number)
+    scene.watch_until({State.SWITCH_ON_DISABLED})
+    assert scene.least_clearance() > 0.0
+    assert scene.host.poll() is None, "it was not the host that did it"
 
 
 def _until_gone(pid: int) -> None:

@@ -274,11 +274,16 @@ def test_a_latched_stop_refuses_power_at_once(ready: dg.Robot, there: dg.Traject
 def test_run_raises_what_made_it_stop(ready: dg.Robot, there: dg.Trajectory) -> None:
     simulated = ready.simulated
     assert simulated is not None
-    timer = threading.Timer(0.1, lambda: simulated.inject(DeviceFault(1, 0x4210)))
-    timer.start()
+
+    def fail_once_it_moves() -> None:
+        _until(lambda: ready.current_run is not None and ready.current_run.status.path_time > 0.0)
+        simulated.inject(DeviceFault(1, 0x4210))
+
+    failing = threading.Thread(target=fail_once_it_moves)
+    failing.start()
     with pytest.raises(dg.DriveFault, match="axis 1") as caught:
         ready.run(there, override=0.1)
-    timer.join()
+    failing.join()
     assert caught.value.axis == 1
 
 

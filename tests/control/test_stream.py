@@ -113,6 +113,18 @@ def test_quick_stop_lets_the_drives_brake_and_stays_latched(bench: Any) -> None:
     assert all(drive.axis.state is State.OPERATION_ENABLED for drive in bench.drives)
 
 
+def test_a_quick_stop_does_not_keep_the_power_on_that_is_being_taken_off(bench: Any) -> None:
+    bench.enable()
+    bench.order(Command.POWER, Power.OFF)
+    bench.order(Command.QUICK_STOP)
+    bench.step(20)
+    assert bench.log[-1].power is Power.OFF
+    assert all(drive.axis.state is State.SWITCH_ON_DISABLED for drive in bench.drives)
+    bench.order(Command.POWER, Power.ON)
+    bench.step(5)
+    assert bench.happened(Happening.REFUSED), "it is latched all the same"
+
+
 def test_outputs_switch_at_their_path_time(bench: Any) -> None:
     bench.enable()
     actions = ((0.2, SetOutput(2, 16, True)), (0.6, SetOutput(2, 16, False)))

@@ -68,6 +68,7 @@ def test_each_row_of_the_table_names_the_axis_and_its_reaction(
         ({"foreign": True}, Condition.FOREIGN, Reaction.QUICK_STOP),
         ({"refused": 3}, Condition.REFUSED, Reaction.QUICK_STOP),
         ({"astray": 1}, Condition.ASTRAY, Reaction.STOP_ON_PATH),
+        ({"unled": 2}, Condition.UNLED, Reaction.QUICK_STOP),
         ({"unsent": 3}, Condition.UNSENT, Reaction.STOP_ON_PATH),
         ({"late": 3}, Condition.LATE, Reaction.STOP_ON_PATH),
         ({"host": 500}, Condition.HOST_SILENT, Reaction.STOP_AND_DISABLE),

@@ -67,7 +67,7 @@ def test_only_the_part_of_the_reach_around_the_path_is_drawn(
     with drawn((3.0, 3.0)) as figure:
         axes = figure.subplots()
         draw_section(axes, machine, (45.0, 0.0, height))
-    (field,) = [child for child in axes.get_children() if hasattr(child, "levels")]
+    field, *_ = [child for child in axes.get_children() if hasattr(child, "levels")]
     vertices = np.concatenate([path.vertices for path in field.get_paths() if len(path.vertices)])
     above = vertices[np.abs(vertices[:, 0] - 45.0) < 3.0, 1]
     low, high = shown

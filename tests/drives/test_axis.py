@@ -157,7 +157,7 @@ def test_a_drive_that_counts_syncs_is_told_not_to(axis: Axis) -> None:
 
 
 def test_a_value_that_the_drive_changes_is_noticed(drives: SimulatedDrives, axis: Axis) -> None:
-    with pytest.raises(DriveError, match="0x6065:0 was written as 15000 but reads 1234"):
+    with pytest.raises(DriveError, match=r"0x6065:0: was written as 15000 but reads 1234 \[drives"):
         original = axis.read
         axis.read = lambda index, sub=0, timeout=None: (  # type: ignore[method-assign]
             1234 if index == 0x6065 else original(index, sub, timeout)

@@ -36,10 +36,13 @@ def test_a_drive_of_the_contract_has_no_gap_and_keeps_its_settings(axis: Axis) -
     assert [axis.read(*key) for key in TRIED] == before
 
 
-def test_a_drive_without_csp_is_said_to_be_unusable(drives: SimulatedDrives, axis: Axis) -> None:
+def test_a_drive_that_takes_csp_without_saying_so_is_to_be_trusted_on_purpose(
+    drives: SimulatedDrives, axis: Axis
+) -> None:
     drives.inject(faults.Override(1, 0x6502, 0, 0x21))
-    (why,) = probed(axis).refusals
-    assert "cyclic synchronous position" in why and "trust_csp = true" in why
+    found = probed(axis)
+    assert found.quirks["trust_csp"] is True and not found.refusals
+    assert any("trust_csp = true is right only where the manual" in why for why in found.unsafe)
 
 
 def test_a_drive_under_power_is_not_probed(enabled: list[Axis]) -> None:

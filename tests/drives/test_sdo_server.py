@@ -2,9 +2,10 @@ from __future__ import annotations
 
 import pytest
 
+from duoglide.drives.linear_axis import read_variables
 from duoglide.drives.simulation.firmware.axis import FirmwareAxis
 from duoglide.drives.simulation.node.memory import ParameterMemory
-from duoglide.drives.simulation.node.objects import NodeObjects, read_variables
+from duoglide.drives.simulation.node.objects import NodeObjects
 from duoglide.drives.simulation.node.sdo_server import SdoServer
 from duoglide.drives.standstill import Standstill
 

@@ -62,7 +62,8 @@ class CAxis:
 
     def __init__(self, library: ctypes.CDLL) -> None:
         self._lib = library
-        self._memory = ctypes.create_string_buffer(library.lax_size())
+        size = library.lax_size()
+        self._memory = ctypes.create_string_buffer(b"\xa5" * size, size)  # as memory comes
         self._axis = ctypes.addressof(self._memory)
         self._lib.lax_init(self._axis)
 

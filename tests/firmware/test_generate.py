@@ -13,7 +13,7 @@ import cantools
 import pytest
 
 from duoglide.drives import pdo
-from duoglide.drives.axis.configure import PDO_MAPS
+from duoglide.drives.axis.pdo_maps import PDO_MAPS
 from duoglide.drives.linear_axis import eds_path, eds_sha256, object_dictionary
 from duoglide.drives.simulation.firmware.objects import DEFAULTS
 
@@ -33,7 +33,9 @@ def generate() -> ModuleType:
 
 def test_the_header_is_not_stale(generate: ModuleType) -> None:
     entries = generate.read_eds(FIRMWARE / "linear_axis.eds")
-    assert (FIRMWARE / "linear_axis.h").read_text() == generate.make_header(entries)
+    assert (FIRMWARE / "reference_axis" / "linear_axis.h").read_text() == generate.make_header(
+        entries
+    )
 
 
 def test_the_dbc_is_not_stale(generate: ModuleType) -> None:
@@ -45,7 +47,7 @@ def test_the_header_compiles_without_a_warning(tmp_path: Path) -> None:
     source = tmp_path / "use.c"
     source.write_text('#include "linear_axis.h"\nint32_t low = LAX_HOME_OFFSET_DEFAULT;\n')
     command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only"]
-    subprocess.run([*command, "-I", FIRMWARE, source], check=True)
+    subprocess.run([*command, "-I", FIRMWARE / "reference_axis", source], check=True)
 
 
 def test_the_dbc_decodes_the_frames_of_the_cycle() -> None:

@@ -75,6 +75,8 @@ def numbers_of(value: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, .
 
 def tampered(document: Document, noise: random.Random) -> Document:
     """Return a document with something in it changed: a little, a lot, or beyond sense."""
+    if "profile" in document and noise.random() < 0.3:
+        return with_another_profile(document, noise)
     if noise.random() < 0.3:
         return spoilt_value(document, noise)
     result = copy.deepcopy(document)
@@ -91,6 +93,44 @@ def tampered(document: Document, noise: random.Random) -> Document:
         by = noise.gauss(0.0, 1.0) * 10.0 ** noise.uniform(-9, 2)
         target[last] = noise.choice((target[last] * (1.0 + by), target[last] + by, by))
     return result
+
+
+def with_another_profile(document: Document, noise: random.Random) -> Document:
+    """Return a document that goes along its curve otherwise, as an attacker would have it."""
+    result = copy.deepcopy(document)
+    knots = result["profile"]
+    at = noise.randrange(len(knots) - 1)
+    to = min(len(knots) - 1, at + noise.randrange(1, 30))
+    quicker = 1.0 + 10.0 ** noise.uniform(-6.0, 0.3)
+    match noise.randrange(6):
+        case 0:  # knots are left out
+            del knots[at:to]
+        case 1:  # a part of the way takes next to no time
+            later = _after(knots[at][0], noise.choice((0.0, 1e-12, 1e-10, 1e-9, 1e-6, 1e-3)))
+            by = later - knots[to][0]
+            rest = [[later, *knots[to][1:]], *([t + by, *row] for t, *row in knots[to + 1 :])]
+            result["profile"] = knots[: at + 1] + rest
+        case 2:  # all of it is quicker
+            result["profile"] = [
+                [t / quicker, s, v * quicker, a * quicker**2] for t, s, v, a in knots
+            ]
+        case 3:  # a part of it is quicker
+            saved = (knots[to][0] - knots[at][0]) * (1.0 - 1.0 / quicker)
+            for row in knots[to:]:
+                row[0] -= saved
+        case 4:  # it leaps
+            leap = noise.choice((-1.0, 1.0)) * 10.0 ** noise.uniform(-9.0, 1.0)
+            for row in knots[at:]:
+                row[1] += leap
+        case _:  # it shakes
+            for row in knots[at:to]:
+                row[3] += noise.gauss(0.0, 10.0 ** noise.uniform(-3.0, 6.0))
+    return result
+
+
+def _after(t: float, seconds: float) -> float:
+    """Return a later time; 0 seconds later is the next that there is."""
+    return max(t + seconds, float(np.nextafter(t, np.inf)))
 
 
 def read(document: Document) -> dg.Trajectory | str:
@@ -181,13 +221,14 @@ def _of(name: str) -> Document:
     return copy.deepcopy(whole_plans()[name])
 
 
-def _jump(document: Document) -> None:
+def _jump(document: Document, k: int = 0, seconds: float = 1e-6) -> None:
     """Go 7.9 mm or a little more within 1 us, between two samples of any clock."""
     knots = document["profile"]
-    k = len(knots) // 2
+    k = k or len(knots) // 2
     j = next(i for i, row in enumerate(knots) if row[1] >= knots[k][1] + 7.9)
-    later = knots[k][0] + 1e-6 - knots[j][0]
-    document["profile"] = [*knots[: k + 1], *([t + later, *rest] for t, *rest in knots[j:])]
+    begin = _after(knots[k][0], seconds)
+    later = ([t - knots[j][0] + begin, *rest] for t, *rest in knots[j:])
+    document["profile"] = [*knots[: k + 1], *later]
 
 
 def _loose(document: Document) -> None:
@@ -213,6 +254,14 @@ def test_what_no_machine_could_follow_is_not_loaded(
     document = _of("line")
     tamper(document)
     with pytest.raises(dg.LimitError, match=words):
+        dg.Trajectory.from_document(document)
+
+
+@pytest.mark.parametrize("knot", range(10, 20))
+def test_a_jump_from_one_number_to_the_next_is_not_loaded(knot: int) -> None:
+    document = _of("line")
+    _jump(document, knot, seconds=0.0)
+    with pytest.raises((dg.LimitError, dg.PathError), match=r"would need|goes backwards"):
         dg.Trajectory.from_document(document)
 
 

@@ -19,7 +19,7 @@ coordinate = st.floats(-1e4, 1e4)
 @st.composite
 def machines(draw: Any) -> dg.Machine:
     limits = dg.CarriageLimits(
-        velocity=draw(positive),
+        velocity=draw(st.floats(0.01, 1e5)),
         acceleration=draw(st.lists(positive, min_size=3, max_size=3)),
         jerk=draw(positive),
     )
@@ -161,3 +161,17 @@ def test_a_file_that_cannot_be_read_or_written_is_refused(
 def test_a_part_of_the_wrong_kind_is_refused(key: str) -> None:
     with pytest.raises(dg.ConfigError, match=f"{key} = 5: must be a "):
         dg.Machine(**{key: 5})  # type: ignore[arg-type]
+
+
+def test_increments_that_do_not_reach_the_ends_of_the_rails_are_refused() -> None:
+    finest = (2**31 - 1) / dg.Geometry().rail_half_length
+    dg.Machine(drives=dg.DriveSettings(increments_per_mm=(1e3, 0.999 * finest, 1e3)))
+    with pytest.raises(
+        dg.ConfigError, match=r"drives\.increments_per_mm = .* counts up to 2147483647"
+    ):
+        dg.Machine(drives=dg.DriveSettings(increments_per_mm=(1e3, 1.001 * finest, 1e3)))
+
+
+def test_brakes_that_take_for_ever_are_refused() -> None:
+    with pytest.raises(dg.ConfigError, match=r"quick_stop_deceleration = .*would take 40 s"):
+        dg.Machine(drives=dg.DriveSettings(quick_stop_deceleration=100.0))

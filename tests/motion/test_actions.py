@@ -8,8 +8,8 @@ from duoglide.motion.path.actions import (
     Dwell,
     SetOutput,
     WaitInput,
-    action_from_dict,
     needs_rest,
+    read_action,
 )
 
 
@@ -17,7 +17,7 @@ from duoglide.motion.path.actions import (
     "action", [SetOutput(1, 31, True), WaitInput(3, 0, False, 2.5), Dwell(0.1)]
 )
 def test_an_action_survives_its_table(action: Action) -> None:
-    assert action_from_dict(action.to_dict()) == action
+    assert read_action(action.to_dict()) == action
 
 
 def test_only_outputs_are_set_in_passing() -> None:
@@ -43,4 +43,4 @@ def test_only_outputs_are_set_in_passing() -> None:
 )
 def test_tables_that_make_no_action_are_refused(table: dict[str, object]) -> None:
     with pytest.raises(dg.InputError):
-        action_from_dict(table)
+        read_action(table)

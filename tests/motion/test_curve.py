@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.motion.curve.bounds import curve_bounds
+from duoglide.motion.curve.bounds import bound_curve
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.rounded import round_corners
 
@@ -78,7 +78,7 @@ def test_arc_length_is_the_length_of_a_fine_polygon(seed: int) -> None:
 @given(seed=st.integers(0, 10**6))
 def test_bounds_hold_everywhere_on_each_piece(seed: int) -> None:
     curve = mixed_curve(seed)
-    bounds = curve_bounds(curve)
+    bounds = bound_curve(curve)
     sigma = np.linspace(0.0, curve.end, 3001)
     piece = curve.piece_at(sigma)
     found = np.abs(curve.derivatives(sigma))

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.motion.curve.bounds import curve_bounds
+from duoglide.motion.curve.bounds import bound_curve
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import (
     Helix,
     Line,
+    describe_segment,
+    read_segment,
     reverse_segment,
-    segment_from_dict,
-    segment_to_dict,
 )
 from duoglide.planning.timing.motion_kernel import point
 
@@ -77,7 +77,7 @@ def test_it_ends_where_it_is_programmed_to_the_last_digits(helix: Helix) -> None
 def test_bounds_hold_along_it(helix: Helix) -> None:
     curve = curve_of(helix)
     states = np.abs(curve.derivatives(np.linspace(0.0, curve.end, 5_000)))
-    bounds = curve_bounds(curve)
+    bounds = bound_curve(curve)
     for order, bound in enumerate((bounds.first, bounds.second, bounds.third), start=1):
         assert (states[:, order].max(axis=0) <= bound[0]).all()
         assert (bound[0] <= states[:, order].max(axis=0) * 1.01 + 1e-6).all()
@@ -114,7 +114,7 @@ def test_the_way_back_goes_through_the_same_points(helix: Helix) -> None:
 
 @HELICES
 def test_plain_values_give_the_very_same_helix(helix: Helix) -> None:
-    assert segment_from_dict(segment_to_dict(helix)) == helix
+    assert read_segment(describe_segment(helix)) == helix
 
 
 @pytest.mark.parametrize(
@@ -137,10 +137,10 @@ def test_what_is_no_helix_is_refused(values: dict[str, object], match: str) -> N
 
 @pytest.mark.parametrize("missing", ["centre", "axis", "sweep", "points"])
 def test_a_plan_without_a_part_of_a_helix_is_refused(missing: str) -> None:
-    table = segment_to_dict(RISING)
+    table = describe_segment(RISING)
     del table[missing]
     with pytest.raises(dg.InputError):
-        segment_from_dict(table)
+        read_segment(table)
 
 
 def test_a_helix_is_planned_within_limits_saved_and_loaded(tmp_path: pathlib.Path) -> None:

@@ -19,7 +19,7 @@ from duoglide.planning.stops import kernel as _stopping_kernel
 compile_ahead.main()
 loops = [
     _brake_kernel.spread, _carriage_bounds.through_links, _nearby_kernel.swing,
-    _stopping_kernel.largest_slopes, _stopping_kernel.through_windows,
+    _stopping_kernel.find_largest_slopes, _stopping_kernel.fill_windows,
 ]
 before = [loop.signatures for loop in loops]
 dg.plan(dg.Machine.default(), dg.pick_and_place((-41, -60, 295), (-41, 60, 295), lift=25))

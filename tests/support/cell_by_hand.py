@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from duoglide.control.streamer.cycle import Streamer
 from duoglide.drives import pdo
 from duoglide.drives.simulation.plant import PlantParameters
 from duoglide.drives.simulation.rack import build_rack
+from duoglide.motion.led_stops import LedStops
 from duoglide.storage.records import Phase
 
 Frame = tuple[int, bytes]
@@ -107,11 +109,18 @@ class CellByHand:
         assert self.happened(Happening.POWER)[-1].value, "the drives are not enabled"
         return self
 
-    def run(self, trajectory: Any, margin_at: Any = None, override: float = 1.0) -> None:
+    def run(
+        self,
+        trajectory: Any,
+        margin_at: Any = None,
+        override: float = 1.0,
+        led: LedStops | None = None,
+    ) -> None:
         """Begin a run; it goes on as cycles pass."""
         fence = Fence.of(self.machine)
         number = len(self._handed_over) + 1
         prepared = prepare(trajectory, fence, number, Phase.PROGRAM, margin_at)
+        prepared = replace(prepared, led=led)
         self._handed_over[number] = prepared
         self.order(Command.RUN, number, override)
 
@@ -119,10 +128,14 @@ class CellByHand:
         for _ in range(count):
             self.number += 1 + skipped
             now = self.number * self._period
+            self._collect()  # what drives have said by themselves since the last SYNC
             self.streamer.cycle(self.number, now, skipped * self._period, skipped)
             self.rack.poll(now // 1000 + 1)
-            answers, self._answers = self._answers, []
-            self._heard += [kept for frame in answers for kept in self.to_host(frame)]
+            self._collect()
+
+    def _collect(self) -> None:
+        answers, self._answers = self._answers, []
+        self._heard += [kept for frame in answers for kept in self.to_host(frame)]
 
     def to_the_end(self, most: int = 5000) -> None:
         """Let cycles pass until the run is over, and all stands."""

@@ -79,3 +79,11 @@ def least_clearance(motion: dg.Trajectory, carriages: np.ndarray) -> float:
     if not closes(machine.geometry, flat).all():
         return -np.inf
     return float(dg.clearance(machine.geometry, dg.forward(machine.geometry, flat)).min())
+
+
+def least_carriage_margin(motion: dg.Trajectory, carriages: np.ndarray) -> float:
+    """Return the least carriage margin at carriages (..., 3) [mm]; -inf where links come apart."""
+    geometry, flat = motion.machine.geometry, carriages.reshape(-1, 3)
+    if not closes(geometry, flat).all():
+        return -np.inf
+    return float(dg.carriage_margin(geometry, dg.forward(geometry, flat)).min())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import http.client
+import logging
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -102,6 +104,7 @@ def test_the_address_that_is_printed_is_served_with_its_own_stop(page: Page) -> 
         ({"Host": "evil.example"}, 421),  # a name that was pointed at this computer
         ({"Host": "evil.example:8080"}, 421),
         ({"Host": "127.0.0.1.evil.example"}, 421),
+        ({"Host": "127.0.0.1:80.evil.example"}, 421),
         ({"Host": "192.168.0.9"}, 421),  # served on the loopback only
         ({"Host": ""}, 421),
         ({"Origin": "http://evil.example"}, 403),
@@ -117,6 +120,51 @@ def test_foreign_hosts_and_origins_are_refused(
     assert get(page, home, **headers)[0] == status
     assert get(page, home + "stop", Duoglide_Order="stop", **headers)[0] == status
     assert len(robot.stops) == before
+
+
+def say(page: Page, text: str) -> str:
+    """Send a request as it is written and return the first line of the answer; empty for none."""
+    host, home = parts(page)
+    name, port = host.split(":")
+    with socket.create_connection((name, int(port)), timeout=60.0) as connection:
+        request = text.replace("HOST", host).replace("HOME", home).replace("\n", "\r\n")
+        connection.sendall(request.encode("latin-1") + b"\r\n\r\n")
+        with connection.makefile("rb") as answer:
+            try:
+                return answer.readline().decode()[9:12]
+            except ConnectionResetError:
+                return ""
+
+
+@pytest.mark.parametrize(
+    ("request_", "answer"),
+    [
+        ("GET HOME HTTP/1.1\nHost: HOST\nHost: evil.example", "400"),
+        ("GET HOME HTTP/1.1\nHost: HOST\nOrigin: http://HOST\nOrigin: http://evil.example", "400"),
+        ("GET HOME HTTP/1.1\nHost: HOST\nUpgrade: websocket\nUpgrade: x", "400"),
+        ("GET HOMEstop HTTP/1.1\nHost: HOST\nDuoglide-Order: stop\nDuoglide-Order: stop", "403"),
+        ("GET HOMEstop HTTP/1.1\nHost: HOST\nDuoglide-Order: halt", "403"),
+        ("POST HOMEstop HTTP/1.1\nHost: HOST\nDuoglide-Order: stop", ""),
+        ("GET HOME HTTP/1.1", "421"),
+        ("GET HOME HTTP/1.1\nHost: evil.example@HOST", "421"),
+        ("GET HOME HTTP/1.1\nHost: \xff", "421"),
+        ("GET HOME HTTP/1.1\nHost: [::1", "421"),
+        ("GET /\xe9/ HTTP/1.1\nHost: HOST", "403"),
+        ("GET http://HOSTHOME HTTP/1.1\nHost: HOST", "403"),
+        ("GET HOME..%2f..%2fetc%2fpasswd HTTP/1.1\nHost: HOST", "404"),
+        ("\x16\x03\x01 nonsense", ""),
+        (f"GET /{'a' * 9000}/ HTTP/1.1\nHost: HOST", ""),
+    ],
+)
+def test_nonsense_is_answered_as_such_and_written_nowhere(
+    page: Page, robot: Robot, request_: str, answer: str, *, caplog: Any, capfd: Any
+) -> None:
+    before = len(robot.stops)
+    with caplog.at_level(logging.DEBUG):
+        assert say(page, request_) == answer
+    assert len(robot.stops) == before
+    assert page._door.gate.token not in caplog.text
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_tunnel_to_another_port_is_let_in() -> None:
@@ -217,6 +265,22 @@ def test_a_watcher_that_hammers_is_told_once_a_second() -> None:
     now[0] = 1.0
     assert not owner.admits(1, order)
     assert told == [1, 1]
+
+
+def test_a_value_that_is_none_is_told_and_raises_nowhere() -> None:
+    async def handle(page: int, message: Any) -> None:
+        raise ValueError("cannot convert float NaN to integer")
+
+    told: list[str] = []
+    inner = SimpleNamespace(_handle_incoming_message=handle)
+    server = SimpleNamespace(
+        _websock_server=inner, on_client_connect=print, on_client_disconnect=print
+    )
+    owner = Owner(lambda _, reason: told.append(reason), clock=lambda: 0.0)
+    owner.guard(server)
+    owner.come(0)
+    asyncio.run(inner._handle_incoming_message(0, message("GuiUpdateMessage")))
+    assert told == ["That is not understood: cannot convert float NaN to integer"]
 
 
 def test_a_page_that_hammers_is_read_no_faster_than_anybody_clicks() -> None:

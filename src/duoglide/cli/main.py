@@ -27,6 +27,7 @@ import typer
 from typer.core import TyperGroup
 
 from duoglide.cli.console import EXTRAS, Failed, Stopped, complain, say_json
+from duoglide.cli.next_verb import next_command
 from duoglide.cli.verbs import (
     check,
     demo,
@@ -35,6 +36,7 @@ from duoglide.cli.verbs import (
     figures,
     log,
     machine,
+    operate,
     plan,
     replay,
     status,
@@ -47,6 +49,11 @@ from duoglide.errors import DuoglideError, DuoglideWarning
 
 DONE, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
+
+_NO_MEMORY = (
+    "this computer gives the program no more memory or threads; a machine that had power has been"
+    " stopped and switched off. Give it more (ulimit -v, ulimit -u), or end other programs"
+)
 
 # Help is data, here and in each verb: what Python drops with -OO is no place for it.
 _HELP = """\
@@ -82,6 +89,7 @@ for verb in (
     stream,
     replay,
     status,
+    operate,
     doctor,
     drives,
     log,
@@ -165,9 +173,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Failed as failure:
-        return _tell(words, _failure(failure.cause, failure.facts))
+        return _tell(words, _failure(failure.cause, failure.facts, words))
+    except (MemoryError, RuntimeError) as error:
+        if not isinstance(error, MemoryError) and "new thread" not in str(error):
+            raise
+        return _tell(words, _Failure(type(error).__name__, _NO_MEMORY))
     except (DuoglideError, ImportError, OSError, KeyboardInterrupt, _USAGE, typer.Abort) as error:
-        return _tell(words, _failure(error, {}))
+        return _tell(words, _failure(error, {}, words))
     return code if isinstance(code, int) else DONE
 
 
@@ -179,9 +191,10 @@ class _Failure:
     message: str
     code: int = FAILED
     facts: Mapping[str, object] = field(default_factory=dict)
+    next: str | None = None
 
 
-def _failure(error: BaseException, facts: Mapping[str, object]) -> _Failure:
+def _failure(error: BaseException, facts: Mapping[str, object], words: Sequence[str]) -> _Failure:
     """Put what went wrong into words."""
     kind = type(error).__name__
     if isinstance(error, _USAGE):
@@ -192,16 +205,22 @@ def _failure(error: BaseException, facts: Mapping[str, object]) -> _Failure:
         where = f"{error.filename}: " if error.filename else ""
         return _Failure(kind, f"{where}{error.strerror or error}")
     if isinstance(error, DuoglideError):
-        return _Failure(kind, str(error), FAILED, {**vars(error), **facts})
+        following = next_command(error, facts, words)
+        return _Failure(kind, str(error), FAILED, {**vars(error), **facts}, following)
     return _Failure("Interrupted", str(error) or "interrupted", INTERRUPTED, facts)
 
 
 def _tell(words: list[str], failure: _Failure) -> int:
     """Say it once: to whoever asked for JSON on stdout, to people on stderr."""
     if "--json" not in words:
-        return complain(failure.message, failure.code)
+        complain(failure.message, failure.code)
+        if failure.next is not None:
+            print(f"next: {failure.next}", file=sys.stderr)  # whole, to be copied
+        return failure.code
     verb = next((word for word in words if not word.startswith("-")), "")
     said = {"error": failure.message, "type": failure.kind, "exit_code": failure.code}
+    if failure.next is not None:
+        said["next"] = failure.next
     say_json(verb, {**said, **failure.facts}, ok=False)
     return failure.code
 

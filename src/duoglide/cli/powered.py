@@ -17,11 +17,17 @@ from duoglide.errors import BusError
 if TYPE_CHECKING:
     from duoglide.control.host.robot import Robot
     from duoglide.machine import Machine
+    from duoglide.planning.trajectory import Trajectory
 
 View: TypeAlias = Annotated[
     int | None,
     typer.Option("--view", metavar="PORT", min=0, max=65535, help="Serve the live page there."),
 ]
+
+_NO_PRIORITY = (
+    "warning: the kernel gives the stream no real-time priority, so a busy computer may make it"
+    " late; duoglide doctor says how to get it"
+)
 
 
 def require_page(port: int | None) -> None:
@@ -33,7 +39,8 @@ def require_page(port: int | None) -> None:
     """
     if port is None:
         return
-    import viser  # noqa: F401  # says which extra is missing
+    # All that it needs loads here, without power; it says which extra is missing.
+    import duoglide.viewer.page  # noqa: F401
 
     try:
         socket.create_server(("127.0.0.1", port)).close()
@@ -43,7 +50,11 @@ def require_page(port: int | None) -> None:
 
 @contextmanager
 def under_power(
-    machine: Machine, bus: str, doing: str = "homing", home_here: bool = False
+    machine: Machine,
+    bus: str,
+    doing: str = "homing",
+    home_here: bool = False,
+    run: tuple[Trajectory, bool] | None = None,
 ) -> Iterator[Robot]:
     """Connect a machine, enable and home it, and let ``duoglide view --join`` in.
 
@@ -52,20 +63,29 @@ def under_power(
         bus: Name of the bus.
         doing: What stderr says meanwhile.
         home_here: Whether somebody has seen the machine stand in its home pose.
+        run: What will run, and whether it goes to the start first; prepared before there is power.
 
     Raises:
         DuoglideError: It does not come up.
     """
     from duoglide.control.host.robot import Robot
+    from duoglide.viewer.share import share
 
     with ExitStack() as resources:
         with working(doing):
             robot = resources.enter_context(Robot.connect(machine, bus=bus))
+            if not robot.has_priority:
+                complain(_NO_PRIORITY, 0)
             robot.require_reference(confirm=home_here)
+            if run is not None:
+                robot.prepare(*run)
             robot.enable()
             robot.home(confirm=home_here)
-        with _shared(robot):
-            yield robot
+        try:  # let other programs join; where that cannot be, the run goes on without
+            resources.enter_context(share(robot))
+        except BusError as error:
+            complain(f"warning: {error}", 0)
+        yield robot
 
 
 @contextmanager
@@ -84,17 +104,4 @@ def page_beside(robot: Robot, file: Path, port: int | None) -> Iterator[None]:
 
     with Page(robot.machine, file=file, drives=robot, port=port) as page:
         print(page.address, file=sys.stderr, flush=True)
-        yield
-
-
-@contextmanager
-def _shared(robot: Robot) -> Iterator[None]:
-    """Let other programs join; where that cannot be, the run goes on without."""
-    from duoglide.viewer.share import share
-
-    with ExitStack() as resources:
-        try:
-            resources.enter_context(share(robot))
-        except BusError as error:
-            complain(f"warning: {error}", 0)
         yield

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import BoolArray, FloatArray
+from duoglide.kinematics.carriage_margin import margin_up_to
+from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.model import reachable
+from duoglide.kinematics.modes import WORKING
+from duoglide.kinematics.reach import reach_of
 from duoglide.kinematics.singularity.margins import clearance
 from duoglide.kinematics.workspace import section
 from duoglide.machine import Machine
@@ -22,7 +27,8 @@ def draw_section(axes: Axes, machine: Machine, around: ArrayLike) -> None:
 
     Args:
         axes: Where to.
-        machine: Whose; what is nearer to a singular surface than its clearance is left white.
+        machine: Whose; what is nearer to a singular surface than its clearance is left white, and
+            what keeps that but not its carriage margin is hatched.
         around: Positions [mm], shape (n, 3). Drawn is the part of the reach that holds them: what
             lies beyond a singular surface is another workspace.
     """
@@ -30,6 +36,7 @@ def draw_section(axes: Axes, machine: Machine, around: ArrayLike) -> None:
     x, z, room = _field(machine, seeds)
     drawn = axes.contourf(x, z, room, levels=_levels(room), cmap="Greens", antialiased=False)
     axes.figure.colorbar(drawn, ax=axes, label="clearance [mm]", shrink=0.85, pad=0.02)
+    _hatch(axes, machine, (x, z, room))
     for line in with_walls([line for _, line in section(machine.geometry).outline()]):
         axes.plot(*line.T, color=OUTLINE, linewidth=0.7)
     inside = np.argwhere(np.isfinite(room))
@@ -40,6 +47,23 @@ def draw_section(axes: Axes, machine: Machine, around: ArrayLike) -> None:
     axes.set_aspect("equal", adjustable="box")
     axes.set(title="Across the rails", xlabel="x [mm]", ylabel="z [mm]")
     axes.grid(visible=False)
+
+
+def _hatch(axes: Axes, machine: Machine, field: tuple[FloatArray, FloatArray, FloatArray]) -> None:
+    """Hatch what keeps the machine's clearance, but not its carriage margin; say what it is."""
+    x, z, room = field
+    row, column = np.nonzero(np.isfinite(room))
+    places = np.stack([x[column], np.zeros(row.size), z[row]], axis=-1)
+    reach = reach_of(places, pose_constants(machine.geometry, WORKING))
+    needed = machine.carriage_margin
+    found = margin_up_to(machine.geometry, places, reach, enough=needed)
+    if (found >= needed).all():
+        return
+    lost = np.zeros(room.shape)
+    lost[row, column] = found < needed
+    axes.contourf(x, z, lost, levels=[0.5, 1.5], colors="none", hatches=["//////"])
+    patch = Patch(facecolor="none", hatch="//////", label=f"carriage margin below {needed:g} mm")
+    axes.legend(handles=[patch], loc="lower center", fontsize=7.0)
 
 
 def with_walls(lines: list[FloatArray]) -> list[FloatArray]:

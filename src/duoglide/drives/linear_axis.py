@@ -42,3 +42,10 @@ def object_dictionary(node_id: int) -> canopen.ObjectDictionary:
     import canopen
 
     return canopen.import_od(str(eds_path()), node_id)
+
+
+def read_variables(node_id: int) -> dict[tuple[int, int], canopen.objectdictionary.ODVariable]:
+    """Return every variable of the EDS by index and sub-index."""
+    entries = object_dictionary(node_id).values()
+    variables = (v for e in entries for v in (e.values() if hasattr(e, "values") else (e,)))
+    return {(v.index, v.subindex): v for v in variables}

@@ -92,35 +92,44 @@ class RateUnits:
         """Greatest velocity that 32 bits with a sign hold [mm/s]."""
         return _LARGEST * self.velocity
 
-    def speed(self, mm_per_s: float) -> int:
+    def speed(self, mm_per_s: float, key: str) -> int:
         """Return a velocity as the drive has it; at least 1.
+
+        Args:
+            mm_per_s: The velocity [mm/s].
+            key: Of the machine file that says it, for errors.
 
         Raises:
             LimitError: It does not fit 32 bits.
         """
-        return _whole(mm_per_s, self.velocity, "mm/s")
+        return _whole(mm_per_s, self.velocity, f"{key} [mm/s]", "velocity_unit")
 
-    def ramp(self, mm_per_s2: float) -> int:
+    def ramp(self, mm_per_s2: float, key: str) -> int:
         """Return an acceleration as the drive has it; at least 1.
+
+        Args:
+            mm_per_s2: The acceleration [mm/s^2].
+            key: Of the machine file that says it, for errors.
 
         Raises:
             LimitError: It does not fit 32 bits, or the drive's unit is so coarse that it would be
                 another one by more than a hundredth.
         """
-        count = _whole(mm_per_s2, self.acceleration, "mm/s^2")
+        count = _whole(mm_per_s2, self.acceleration, f"{key} [mm/s^2]", "acceleration_unit")
         if abs(count * self.acceleration - mm_per_s2) > _ROUNDING * mm_per_s2:
             raise LimitError(
-                f"{mm_per_s2:g} mm/s^2 would become {count * self.acceleration:g}: the drive knows"
-                f" multiples of {self.acceleration:g} mm/s^2 only; choose one of them"
+                f"{key} = {mm_per_s2:g} mm/s^2 would become {count * self.acceleration:g}: the"
+                f" drive knows multiples of {self.acceleration:g} mm/s^2 only, choose one of them;"
+                " or drives.quirks acceleration_unit is not what one unit of it means"
             )
         return count
 
 
-def _whole(value: float, unit: float, name: str) -> int:
+def _whole(value: float, unit: float, name: str, key: str) -> int:
     count = max(1, round(value / unit))
     if count > _LARGEST_UNSIGNED:
         raise LimitError(
-            f"{value:g} {name} is beyond what a drive can be told, {_LARGEST_UNSIGNED * unit:g},"
-            f" in units of {unit:g} {name}"
+            f"{name} = {value:g} is beyond what a drive can be told, {_LARGEST_UNSIGNED * unit:g},"
+            f" in units of {unit:g}: lower it, or drives.quirks {key} is not what one unit means"
         )
     return count

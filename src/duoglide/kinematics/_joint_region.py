@@ -88,10 +88,12 @@ class JointRegion:
     Attributes:
         constants: Its geometry and its modes in numbers.
         tips: The tips of all obstacles.
+        fold: The b at which F3 = 0, and obstacles change their directions [mm]; inf where none is.
     """
 
     constants: RegionConstants
     tips: tuple[Tip, ...]
+    fold: float
 
 
 def depth_pose(b: float, g: float, k: RegionConstants) -> float:
@@ -124,7 +126,7 @@ def joint_region(g: Geometry, assembly: AssemblyMode, v: int) -> JointRegion:
     if fold < inf:
         halves = [(0.0, fold, m), (fold, 2.0 * l2, -m)]
     tips = [tip for half in halves for tip in _tips_of_half(constants, *half)]
-    return JointRegion(constants=constants, tips=tuple(tips))
+    return JointRegion(constants=constants, tips=tuple(tips), fold=fold)
 
 
 def _tips_of_half(k: RegionConstants, start: float, end: float, up: int) -> list[Tip]:

@@ -264,6 +264,11 @@ def _compiled_loop() -> Any:
     return compiled(largest_loop, nogil=True)
 
 
+def fold_of(geometry: Geometry) -> float:
+    """Return the b at which obstacles of the region change their directions [mm]; inf if none."""
+    return joint_region(geometry, ASSEMBLY, WORKING.v).fold
+
+
 def closes_throughout(
     geometry: Geometry,
     lowest: ArrayLike,

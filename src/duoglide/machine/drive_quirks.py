@@ -20,6 +20,11 @@ class Interlock(StrEnum):
     CLEAR = "clear"
     NONE = "none"  # the bit means something else, or nothing
 
+    @property
+    def other(self) -> Interlock:
+        """The opposite polarity."""
+        return Interlock.CLEAR if self is Interlock.SET else Interlock.SET
+
 
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +68,11 @@ class Quirks:
     product_code: int = setting(0, "0x1018:2 that the drive must have; 0 accepts any")
     trust_csp: bool = setting(
         False, "whether the drive knows cyclic synchronous position although 0x6502 lacks its bit"
+    )
+    follows_bit: bool = setting(
+        True,
+        "whether bit 12 of the statusword is set while the drive follows its setpoints; without "
+        "it, a drive that ignores them shows in the following error alone",
     )
     quick_stop_option: int = setting(
         6, "0x605A: 6 brakes at 0x6085 and holds, 2 brakes and then powers off"
@@ -116,7 +126,7 @@ class Quirks:
                 object.__setattr__(self, key, unit)
         if self.home_offset_sign not in (-1, 1):
             raise ConfigError(f"home_offset_sign = {self.home_offset_sign!r:.80}: must be +1 or -1")
-        for key in ("trust_csp", "setpoint_timer"):
+        for key in ("trust_csp", "follows_bit", "setpoint_timer"):
             rules.true_or_false(key, getattr(self, key))
         object.__setattr__(self, "interlock", rules.one_of(Interlock, "interlock", self.interlock))
         home = rules.several_whole("home_object", self.home_object, 0, 0xFFFF, 2)

@@ -20,6 +20,8 @@ from duoglide.machine.limits import CarriageLimits, DerivedLimits
 from duoglide.machine.meaning import documented, setting, told
 from duoglide.machine.toml_read import decoded, read_tables
 
+_LARGEST = 2**31 - 1  # that a drive counts to
+_LONGEST_BRAKING = 10.0  # [s]
 _TABLES = {
     "geometry": Geometry,
     "limits": CarriageLimits,
@@ -108,6 +110,28 @@ class Machine:
         if isinstance(self.stop_limits, DerivedLimits):
             store(self, "stop_limits", DerivedLimits.of(self.limits))
         self._require_stop_reserve()
+        self._require_room_to_count()
+        self._require_brakes()
+
+    def _require_brakes(self) -> None:
+        """Refuse drives that would brake for longer than it makes sense to certify."""
+        slowest = self.limits.velocity / np.array(self.drives.quick_stop_deceleration)
+        if slowest.max() > _LONGEST_BRAKING:
+            raise ConfigError(
+                f"drives.quick_stop_deceleration = {self.drives.quick_stop_deceleration}: a stop"
+                f" from limits.velocity would take {slowest.max():.4g} s; at most"
+                f" {_LONGEST_BRAKING:g} s are allowed"
+            )
+
+    def _require_room_to_count(self) -> None:
+        """Refuse increments so fine that the drives' 32 bits do not reach the ends of the rails."""
+        end, finest = self.geometry.rail_half_length, max(self.drives.increments_per_mm)
+        if end * finest > _LARGEST:
+            raise ConfigError(
+                f"drives.increments_per_mm = {finest:g}: a drive counts up to {_LARGEST}, which is"
+                f" {_LARGEST / finest:.4g} mm, and geometry.rail_half_length is {end:g} mm; up to"
+                f" {_LARGEST / end:.4g} increments per mm reach that far"
+            )
 
     def _require_stop_reserve(self) -> None:
         for key in ("velocity", "acceleration", "jerk"):

@@ -181,7 +181,7 @@ def audit(motion: Motion) -> Audit:
         times=read_only(times),
         use=read_only(use),
         limiting=limiting,
-        shares=_shares(times, limiting, use),
+        shares=_share_time(times, limiting, use),
         fallback=report.reason,
         least_clearance=motion.path.least_clearance,
         carriage_margin=motion.path.carriage_margin,
@@ -206,7 +206,7 @@ def _by_differences(motion: Motion, step: float) -> Findings:
     # At rest the motion goes on as it is, so that the differences reach over the ends.
     first, last = (-3 if motion.starts_at_rest else 0), 3 if motion.ends_at_rest else 0
     grid = np.arange(first, int(motion.duration / step) + last + 1) * step
-    uses = _difference_uses(motion.at(grid).carriages, step, limits)
+    uses = _measure_uses(motion.at(grid).carriages, step, limits)
     worst = np.zeros((3, 3))
     for row, use in zip(worst, uses, strict=True):
         row[:] = use.max(axis=0, initial=0.0)
@@ -245,7 +245,7 @@ def _step(motion: Motion) -> float:
     return max(1.0 / RATE, cbrt(_ROUNDING * ulp(size) / (1e-4 * jerk)))
 
 
-def _difference_uses(
+def _measure_uses(
     carriages: FloatArray, step: float, limits: CarriageLimits
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the uses of velocity, acceleration and jerk limits, shapes (n - 1, 3) and less."""
@@ -281,7 +281,9 @@ def _feed_share(motion: Motion) -> float:
     return float(np.mean(use >= AT_LIMIT))
 
 
-def _shares(times: FloatArray, limiting: NDArray[np.intp], use: FloatArray) -> tuple[Share, ...]:
+def _share_time(
+    times: FloatArray, limiting: NDArray[np.intp], use: FloatArray
+) -> tuple[Share, ...]:
     """Return how long each limit holds the motion back, the longest first."""
     spans = np.gradient(times) if times.size > 1 else np.ones(times.size)
     held = use >= AT_LIMIT

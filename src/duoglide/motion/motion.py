@@ -103,10 +103,10 @@ class Motion:
         """
         if isinstance(t, float) and isfinite(t):
             sigma, *rates = self.profile.at_time(t)
-            return _chain(self.path.derivatives(sigma), *rates)
+            return _differentiate(self.path.derivatives(sigma), *rates)
         along = self.profile.at(as_floats(t, "t"))
         speed, rate, third = (along[..., k, None] for k in range(1, 4))
-        return _chain(self.path.derivatives(along[..., 0]), speed, rate, third)
+        return _differentiate(self.path.derivatives(along[..., 0]), speed, rate, third)
 
     def position_at(self, t: ArrayLike) -> FloatArray:
         """Return the platform centre O' in the base frame at time ``t`` [mm], shape (..., 3).
@@ -147,7 +147,7 @@ def _rests(state: State) -> bool:
     )
 
 
-def _chain(q: FloatArray, speed: Any, rate: Any, third: Any) -> State:
+def _differentiate(q: FloatArray, speed: Any, rate: Any, third: Any) -> State:
     """Differentiate q(sigma(t)) by time, by the chain rule."""
     q1, q2, q3 = q[..., 1, :], q[..., 2, :], q[..., 3, :]
     square = speed * speed

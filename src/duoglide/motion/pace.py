@@ -65,9 +65,9 @@ class Pace:
         u, rate = self.path_times, self.rates
         clock = np.column_stack([self.times, u, rate, np.zeros_like(u)])
         if len(clock) > 2:
-            clock[1:-1, ACCELERATION] = _accelerations(clock)
+            clock[1:-1, ACCELERATION] = _solve_accelerations(clock)
         pace = Profile(clock)
-        fine = _fine_times(plan, pace)
+        fine = _refine_times(plan, pace)
         at, speed, slope, _ = np.moveaxis(pace.at(fine), -1, 0)
         given = np.searchsorted(fine, self.times)
         at[given], speed[given] = u, rate
@@ -104,7 +104,7 @@ class Pace:
             raise InputError(f"a pace lacks the key {error}") from error
 
 
-def _fine_times(plan: Profile, pace: Profile) -> FloatArray:
+def _refine_times(plan: Profile, pace: Profile) -> FloatArray:
     """Return the cycles' times, some in between, and where the plan begins another piece."""
     times = pace.knots[:, TIME]
     between = times[:-1, None] + np.diff(times)[:, None] * np.arange(1, _PARTS) / _PARTS
@@ -118,7 +118,7 @@ def _fine_times(plan: Profile, pace: Profile) -> FloatArray:
     return fine
 
 
-def _accelerations(knots: FloatArray) -> FloatArray:
+def _solve_accelerations(knots: FloatArray) -> FloatArray:
     """Solve for inner accelerations that make the third derivative continuous, shape (n - 2,)."""
     from scipy.linalg import solve_banded
 

@@ -25,14 +25,14 @@ def plot_motion(motion: Motion) -> Picture:
         rows = figure.subplots(4, 1, sharex=True)
         draw_carriages(rows[0], times, state.carriages, motion.machine)
         for axes, (title, unit, values, limits) in zip(
-            rows[1:], _rates(motion, times), strict=True
+            rows[1:], _list_rates(motion, times), strict=True
         ):
             draw_limited(axes, times, values, limits, f"{title} [{unit}]")
         finish(rows, "time [s]")
     return figure
 
 
-def motion_html(motion: Motion, actions: int) -> str:
+def show_motion(motion: Motion, actions: int) -> str:
     """Return what a notebook shows of a motion with so many actions on its way."""
     times = np.linspace(0.0, motion.duration, _SAMPLES)
     start, end = motion.position_at([0.0, motion.duration])
@@ -43,11 +43,11 @@ def motion_html(motion: Motion, actions: int) -> str:
         ("from", f"{show(start.round(3))} mm"),
         ("to", f"{show(end.round(3))} mm"),
         ("timing", " because ".join(filter(None, (report.method.value, report.reason)))),
-        ("brake-safe", _brake_safe(report)),
+        ("brake-safe", _describe_safety(report)),
         ("actions", f"{actions}"),
     ]
     peaks: list[tuple[str, ...]] = [("carriage", "1", "2", "3", "limit")]
-    rates = _rates(motion, times)
+    rates = _list_rates(motion, times)
     for title, unit, values, limits in rates:
         most = (f"{peak:.4g}" for peak in np.abs(values).max(axis=0))
         bounds = ", ".join(f"{limit:.4g}" for limit in dict.fromkeys(limits.tolist()))
@@ -61,7 +61,7 @@ def motion_html(motion: Motion, actions: int) -> str:
     return notebook_html("Trajectory", [head, peaks], figure)
 
 
-def _brake_safe(report: TimingReport) -> str:
+def _describe_safety(report: TimingReport) -> str:
     """Say whether drives may brake by themselves anywhere, and how near they come."""
     if not report.brake_safe:
         return "no"
@@ -70,7 +70,7 @@ def _brake_safe(report: TimingReport) -> str:
     return f"yes, clearance while braking at least {report.braking_clearance:.2f} mm"
 
 
-def _rates(motion: Motion, times: FloatArray) -> list[tuple[str, str, FloatArray, FloatArray]]:
+def _list_rates(motion: Motion, times: FloatArray) -> list[tuple[str, str, FloatArray, FloatArray]]:
     """Return name, unit, values of shape (n, 3) and limits of the derivatives by time."""
     state, limits = motion.at(times), motion.machine.limits
     return [

@@ -53,7 +53,7 @@ class Profile:
         if (steps[:, SIGMA] < 0.0).any():
             raise InputError("sigma must not fall from knot to knot")
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            polynomials = hermite(knots)
+            polynomials = join_states(knots)
         if not np.isfinite(polynomials).all():
             raise InputError("knots: numbers between which no motion can be reckoned")
         store = object.__setattr__
@@ -159,7 +159,7 @@ class Profile:
         return hash(self.knots.tobytes())
 
 
-def hermite(knots: FloatArray) -> FloatArray:
+def join_states(knots: FloatArray) -> FloatArray:
     """Return the coefficients of each piece in rising powers of time since its knot, (n, 6)."""
     h, rise, faster, harder = (knots[1:] - knots[:-1]).T
     v0, a0 = knots[:-1, SPEED], knots[:-1, ACCELERATION]
@@ -196,7 +196,7 @@ def quintic(c: Any, u: Any) -> tuple[Any, Any, Any, Any]:
     )
 
 
-def knots_of_jerks(
+def integrate_jerks(
     state: tuple[float, float, float], phases: Iterable[tuple[float, float]], end: float
 ) -> FloatArray:
     """Integrate phases of constant third derivative up to rest.
@@ -213,13 +213,13 @@ def knots_of_jerks(
     knots = [(clock, *state)]
     for jerk, seconds in phases:
         clock += seconds
-        state = constant_jerk(state, jerk, seconds)
+        state = advance_state(state, jerk, seconds)
         knots.append((clock, *state))
     knots[-1] = (clock, end, 0.0, 0.0)
     return np.array(knots)
 
 
-def constant_jerk(
+def advance_state(
     state: tuple[float, float, float], jerk: float, seconds: float
 ) -> tuple[float, float, float]:
     """Return position, velocity and acceleration after some time of constant jerk."""

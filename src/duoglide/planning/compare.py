@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
-from duoglide.planning.tolerances import ROUNDING
-
-SAME = 1e-6  # relative; estimates of one time agree to some 1e-8 in long, badly conditioned paths
+from duoglide.planning.tolerances import ALIKE, ROUNDING
 
 
 def less(one: float, other: float, within: float = 0.0) -> bool:
@@ -25,11 +23,11 @@ def less(one: float, other: float, within: float = 0.0) -> bool:
     Args:
         one: A number, or infinity.
         other: What it is compared with.
-        within: Differences up to this are none, besides those below ``SAME`` times ``other``.
+        within: Differences up to this are none, besides those below ``ALIKE`` times ``other``.
     """
     if other == inf:
         return one < inf
-    return one < other - max(within, SAME * abs(other))
+    return one < other - max(within, ALIKE * abs(other))
 
 
 def first_least(values: FloatArray, axis: int = 0, within: float = 0.0) -> NDArray[np.intp]:
@@ -42,7 +40,7 @@ def first_least(values: FloatArray, axis: int = 0, within: float = 0.0) -> NDArr
     """
     least = values.min(axis=axis, keepdims=True)
     with np.errstate(invalid="ignore"):  # of infinity, which equals itself
-        close = values <= least + np.maximum(within, SAME * np.abs(least))
+        close = values <= least + np.maximum(within, ALIKE * np.abs(least))
     first: NDArray[np.intp] = np.argmax(close | (values == least), axis=axis)
     return first
 

@@ -54,8 +54,8 @@ def ready() -> bool:
             interior_point.advance,
             carriage_bounds.through_links,
             nearby_kernel.swing,
-            stop_kernel.largest_slopes,
-            stop_kernel.through_windows,
+            stop_kernel.find_largest_slopes,
+            stop_kernel.fill_windows,
             brake_kernel.spread,
         )
     )
@@ -83,7 +83,7 @@ def main() -> None:
     from duoglide.motion.profile import Profile
     from duoglide.planning.braking.certificate import brake_report
     from duoglide.planning.check.check import check_path
-    from duoglide.planning.stops.certificate import stop_bounds
+    from duoglide.planning.stops.certificate import certify_stops
 
     machine = Machine.default()
     path = Path.line((-41.0, 0.0, 300.0), (-41.0, _LENGTH, 300.0))
@@ -99,7 +99,7 @@ def main() -> None:
         ]
     )
     move = Motion(map_to_carriages(check_path(machine, path)), Profile(knots))
-    stop_bounds(move)
+    certify_stops(move)
     brake_report(move)
 
 

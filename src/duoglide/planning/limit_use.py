@@ -22,25 +22,44 @@ from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.derivatives import ArrayJet, root_jet_bounds
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import CarriageLimits, Machine
-from duoglide.motion.curve.bounds import derivative_bounds
+from duoglide.motion.curve.bounds import bound_derivatives
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import SIGMA, TIME, Profile, evaluate
-from duoglide.planning.tolerances import CHUNK
+from duoglide.planning.tolerances import CHUNK, PICOMETRE
 
 ALLOWED = 1.001  # use of a limit, as audits allow it
 NAMES = ("velocity", "acceleration", "jerk")
 UNITS = ("mm/s", "mm/s^2", "mm/s^3")
-_SHARP = 1.0009  # times the largest use that was seen, or a limit; a cell below that is closed
-_ORDER = 5  # of the highest derivative that is bounded
-_MOST_PARTS = 64  # that a cell is cut into at once
-_MOST_CELLS = 4_000_000
-_HOPELESS = 1e3  # From such a use on, how much it is exactly does not matter.
-_FINEST = 1e-10  # [s]; no cell is cut any further
-_BACKWARDS = 1e-3  # [mm/s] that rounding may leave of a profile that must not go backwards
-_BEYOND = 1e-9  # [mm] by which a profile may end past its curve
-_TORN = (1e-9, 1e-9, 1e-6)  # [mm], and shares of the limits, that may jump where pieces meet
-_SAME = 1e-9  # [mm] between a knot of the profile and where the curve begins another piece
+
+
+class _Cutting(NamedTuple):
+    """How cells of time are cut, and what rounding may leave of a sound motion.
+
+    Attributes:
+        sharp: Times the largest use that was seen, or a limit: a cell below that is closed.
+        order: Of the highest derivative that is bounded.
+        parts: Into which a cell is cut at once, at most.
+        cells: At once, at most, to bound the memory.
+        hopeless: From such a use on, how much it is exactly does not matter.
+        finest: No cell is shorter [s].
+        backwards: Speed that rounding may leave of a profile that must not go backwards
+            [mm/s].
+        torn: What may jump where pieces meet: position [mm], and shares of the limits of
+            velocity and acceleration.
+    """
+
+    sharp: float = 1.0009
+    order: int = 5
+    parts: int = 64
+    cells: int = 4_000_000
+    hopeless: float = 1e3
+    finest: float = 1e-10
+    backwards: float = 1e-3
+    torn: tuple[float, float, float] = (1e-9, 1e-9, 1e-6)
+
+
+_CUT = _Cutting()
 
 
 class Worst(NamedTuple):
@@ -143,7 +162,7 @@ def _require_forward(profile: Profile) -> None:
         h, middle = high - low, 0.5 * (low + high)
         here, first, last = (evaluate(c[rows], u) for u in (middle, low, high))
         speeds = np.minimum(np.minimum(first[:, 1], last[:, 1]), here[:, 1])
-        if (speeds < -_BACKWARDS).any():
+        if (speeds < -_CUT.backwards).any():
             k = int(np.argmin(speeds))
             raise PathError(
                 f"the profile goes backwards, at {-speeds[k]:.4g} mm/s along its curve, at"
@@ -154,7 +173,7 @@ def _require_forward(profile: Profile) -> None:
         third = np.maximum(np.abs(first[:, 3]), np.abs(last[:, 3]))
         third = third + h * h / 8.0 * np.abs(120.0 * c[rows, 5])
         ends = np.minimum(first[:, 1], last[:, 1])
-        open_ = (ends - h * h / 8.0 * third < -_BACKWARDS) & (h > _FINEST)
+        open_ = (ends - h * h / 8.0 * third < -_CUT.backwards) & (h > _CUT.finest)
         low, middle, high, rows = low[open_], middle[open_], high[open_], rows[open_]
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         rows = np.concatenate([rows, rows])
@@ -164,7 +183,7 @@ def _require_on_curve(motion: Motion) -> None:
     """Refuse a profile that begins before its curve or ends after it, and is held back there."""
     start, end = motion.profile.knots[0, SIGMA], motion.profile.end
     beyond = max(-start, end - float(_breaks(motion)[-1]))
-    if beyond > _BEYOND:
+    if beyond > PICOMETRE:
         raise PathError(
             f"the profile leaves its curve by {beyond:.4g} mm",
             quantity="continuity",
@@ -194,9 +213,10 @@ def _cut_at_breaks(motion: Motion) -> FloatArray:
         before, after = (motion.path.derivatives(breaks[left], k) for k in (left, left + 1))
         jump = after - before
         jumps = [
-            np.abs(jump[:, 0]) / _TORN[0],
-            np.abs(jump[:, 1] * speed) / (_TORN[1] * limits.velocity),
-            np.abs(jump[:, 1] * rate + jump[:, 2] * speed**2) / (_TORN[2] * limits.acceleration),
+            np.abs(jump[:, 0]) / _CUT.torn[0],
+            np.abs(jump[:, 1] * speed) / (_CUT.torn[1] * limits.velocity),
+            np.abs(jump[:, 1] * rate + jump[:, 2] * speed**2)
+            / (_CUT.torn[2] * limits.acceleration),
         ]
         worst = np.max(jumps, axis=(0, 2))
         if worst.max() > 1.0:
@@ -215,8 +235,8 @@ def _cut_at_breaks(motion: Motion) -> FloatArray:
 def _time_at(profile: Profile, sigma: float) -> float:
     """Return when ``sigma`` [mm] is reached [s]: at a knot, if rounding alone lies between them."""
     column = profile.knots[:, SIGMA]
-    near = int(np.searchsorted(column, sigma - _SAME))
-    if abs(column[near] - sigma) <= _SAME:
+    near = int(np.searchsorted(column, sigma - PICOMETRE))
+    if abs(column[near] - sigma) <= PICOMETRE:
         return float(profile.knots[near, TIME])
     return profile.time_at(sigma)
 
@@ -238,23 +258,22 @@ class _Search:
     def look(self, low: FloatArray, high: FloatArray) -> None:
         """Cut cells until none can hide more than a little beyond what was seen."""
         profile = self._motion.profile
-        row = np.searchsorted(profile.knots[1:-1, TIME], 0.5 * (low + high), side="right")
+        # Not by the middle: between two knots one rounding apart it is one of them.
+        row = np.searchsorted(profile.knots[1:-1, TIME], low, side="right")
         begin = profile.knots[row, TIME]
         low, high = low - begin, high - begin
         middle = evaluate(profile.polynomials[row], 0.5 * (low + high))[:, 0]
         piece = np.searchsorted(self._breaks[1:-1], middle, side="right")
         while row.size:
             ends, bow = self._bound(row, piece, low, high)
-            enough = _SHARP * np.maximum(self.seen, 1.0)
-            open_ = (ends + bow > enough).any(axis=(1, 2)) & (high - low > _FINEST)
-            open_ &= self.seen.max() < _HOPELESS
+            enough = _CUT.sharp * np.maximum(self.seen, 1.0)
+            open_ = (ends + bow > enough).any(axis=(1, 2)) & (high - low > _CUT.finest)
+            open_ &= self.seen.max() < _CUT.hopeless
             self.sure = np.maximum(self.sure, (ends + bow)[~open_].max(axis=0, initial=0.0))
-            room = np.maximum(enough - ends[open_], 1.0 - 1.0 / _SHARP)
-            parts = np.clip(
-                np.sqrt(bow[open_] / room).max(axis=(1, 2), initial=0.0), 1, _MOST_PARTS
-            )
+            room = np.maximum(enough - ends[open_], 1.0 - 1.0 / _CUT.sharp)
+            parts = np.clip(np.sqrt(bow[open_] / room).max(axis=(1, 2), initial=0.0), 1, _CUT.parts)
             parts = np.ceil(parts).astype(np.intp) + 1
-            if parts.sum() > _MOST_CELLS:
+            if parts.sum() > _CUT.cells:
                 raise LimitError(
                     "the motion is too rough for its use of the limits to be certified"
                 )
@@ -311,7 +330,7 @@ def _curve_bounds(motion: Motion) -> list[FloatArray]:
     """Bound the derivatives of the curve by sigma in each of its pieces, (n, 3) each."""
     path = motion.path
     if not isinstance(path, TransferPath):
-        return derivative_bounds(path.curve, _ORDER)
+        return bound_derivatives(path.curve, _CUT.order)
     _, one, two, three = np.moveaxis(path.polynomials, 1, 0)
     span = np.diff(path.breaks)[:, None]
     third = 6.0 * np.abs(three)

@@ -10,7 +10,7 @@ from duoglide.motion.path.path import Path
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.check.check import check_rounded, require_noun
 from duoglide.planning.rounding.choice import choose_blends
-from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.timing.time_path import Progress, time_path
 from duoglide.planning.timing.timed_curve import SigmaCap
 from duoglide.planning.trajectory import Trajectory
@@ -44,4 +44,4 @@ def plan(
             return time_path(carriages, sigma_cap=SigmaCap(sigma, cap))
 
         motion = make_brake_safe(motion, retimed)
-    return Trajectory.of(motion, stop_bounds(motion))
+    return Trajectory.of(motion, certify_stops(motion))

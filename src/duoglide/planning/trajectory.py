@@ -24,7 +24,7 @@ from duoglide.motion.stop_bounds import StopBounds
 from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.planning.certify import NOT_LOOKED_AT, certify, renew_report
 from duoglide.planning.limit_use import ALLOWED, NAMES, uses_at_cycles
-from duoglide.planning.stops.certificate import stop_bounds, stop_bounds_until
+from duoglide.planning.stops.certificate import certify_stops, stop_bounds_until
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,7 +87,7 @@ class Trajectory(Motion):
         _require_stop_limits(motion)
         due = tuple((pace.time_of(t), action) for t, action in plan.actions)
         actions = tuple(entry for entry in due if isfinite(entry[0]))
-        stops = stop_bounds(motion)
+        stops = certify_stops(motion)
         return cls(motion.path, motion.profile, stops, actions, plan=plan, pace=pace, report=report)
 
     def certified_for(self, machine: Machine) -> tuple[Trajectory, FloatArray]:
@@ -109,7 +109,7 @@ class Trajectory(Motion):
         motion, uses = certify(machine, self)
         if machine.to_dict() != self.machine.to_dict():
             motion = renew_report(motion)
-        again = replace(self, path=motion.path, stops=stop_bounds(motion), report=motion.report)
+        again = replace(self, path=motion.path, stops=certify_stops(motion), report=motion.report)
         return again, uses.seen
 
     def audit(self) -> Audit:
@@ -178,7 +178,7 @@ class Trajectory(Motion):
             told = Motion(_path_of(document), Profile(document["profile"]), report=report)
             motion, _ = certify(told.machine, told)
             motion = renew_report(motion)
-            return cls.of(motion, stop_bounds(motion))
+            return cls.of(motion, certify_stops(motion))
         except DuoglideError:
             raise
         except (KeyError, TypeError, ValueError) as error:
@@ -222,9 +222,9 @@ class Trajectory(Motion):
         return plot_motion(self)
 
     def _repr_html_(self) -> str:
-        from duoglide.motion.picture import motion_html
+        from duoglide.motion.picture import show_motion
 
-        return motion_html(self, actions=len(self.actions))
+        return show_motion(self, actions=len(self.actions))
 
     def __repr__(self) -> str:
         note = f", {self.report.method.value}: {self.report.reason}" if self.report.reason else ""

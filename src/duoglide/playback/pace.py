@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from duoglide.motion.motion import Motion
 from duoglide.planning.certify import renew_report
-from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.trajectory import Trajectory
 
 
@@ -19,4 +19,4 @@ def slowed(trajectory: Trajectory, override: float) -> Trajectory:
         return Trajectory.repaced(trajectory.plan, trajectory.pace.slowed(override))
     profile = trajectory.profile.stretch(1.0 / override)
     slow = renew_report(Motion(trajectory.path, profile, report=trajectory.report))
-    return Trajectory.of(slow, stop_bounds(slow))
+    return Trajectory.of(slow, certify_stops(slow))

@@ -10,7 +10,7 @@ from duoglide.errors import LimitError
 from duoglide.machine import Machine
 from duoglide.planning.certify import bind, renew_report
 from duoglide.planning.limit_use import ALLOWED, NAMES, measure_uses
-from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.trajectory import Trajectory
 
 
@@ -42,4 +42,4 @@ def recheck(machine: Machine, trajectory: Trajectory, override: float = 1.0) -> 
             f" {carriage + 1} of this machine; --override {percent:g} would do"
         )
     report = renew_report(bound).report
-    return replace(bound, stops=stop_bounds(bound), report=report)
+    return replace(bound, stops=certify_stops(bound), report=report)

@@ -75,6 +75,7 @@ def replay(
 
     with Robot.connect(again.machine, bus=bus) as robot:
         robot.require_reference(confirm=home_here)
+        robot.prepare(again.trajectory, again.approach)
         robot.enable()
         robot.home(confirm=home_here)
         return robot.run(again.trajectory, log=log, approach=again.approach)

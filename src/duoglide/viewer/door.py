@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import gzip
 import ipaddress
+import logging
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -104,16 +105,19 @@ class Gate:
             path: As it was asked for, with what is behind a question mark.
             headers: Of the request.
         """
-        host = headers.get("Host", "")
+        try:
+            host, origin = headers.get("Host", ""), headers.get("Origin")
+            upgrade = headers.get("Upgrade")
+        except LookupError:  # which of two would count is for nobody to choose
+            return Refusal(HTTPStatus.BAD_REQUEST, "a header comes twice")
         if not self._names_us(host):
             return Refusal(HTTPStatus.MISDIRECTED_REQUEST, "Host does not name this computer")
-        origin = headers.get("Origin")
         if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
             return Refusal(HTTPStatus.FORBIDDEN, "Origin is another page")
-        if origin is None and headers.get("Upgrade") is not None:
+        if origin is None and upgrade is not None:
             return Refusal(HTTPStatus.FORBIDDEN, "a stream needs an Origin")
         token, _, rest = path.partition("?")[0].lstrip("/").partition("/")
-        if not secrets.compare_digest(token.encode(), self.token.encode()):
+        if not secrets.compare_digest(token.encode(errors="replace"), self.token.encode()):
             return Refusal(
                 HTTPStatus.FORBIDDEN, "open the address that duoglide view printed, all of it"
             )
@@ -122,8 +126,11 @@ class Gate:
     def _names_us(self, host: str) -> bool:
         """Tell whether a Host header names this computer and not a domain that points to it."""
         try:
-            name = urlsplit(f"//{host}").hostname or ""
+            parts = urlsplit(f"//{host}")
+            name, _ = parts.hostname or "", parts.port  # a port that is none raises too
         except ValueError:
+            return False
+        if parts.username is not None:  # no browser says who asks
             return False
         if name in ("localhost", self.host.lower()):
             return True
@@ -167,7 +174,8 @@ class Door:
             async def ask(connection: Any, request: Any) -> Any:
                 return await self._answer(process_request, connection, request)
 
-            return plain(*args, process_request=ask, create_connection=_calm(), **others)
+            others |= {"create_connection": _calm(), "logger": _silent()}
+            return plain(*args, process_request=ask, **others)
 
         server.serve = guarded  # type: ignore[assignment,misc]
         try:
@@ -195,7 +203,7 @@ class Door:
         return _response(HTTPStatus.OK, self._page, **kind)
 
     async def _answer_stop(self, request: Any) -> Any:
-        if request.headers.get(_ORDER) != "stop":
+        if request.headers.get_all(_ORDER) != ["stop"]:
             return _response(HTTPStatus.FORBIDDEN, "stop is an order, not a page")
         loop = asyncio.get_running_loop()
         try:
@@ -203,6 +211,18 @@ class Door:
         except Exception as error:  # whatever it is, the operator must hear of it
             return _response(HTTPStatus.INTERNAL_SERVER_ERROR, f"{type(error).__name__}: {error}")
         return _response(HTTPStatus.OK, "stopped")
+
+
+def _silent() -> logging.Logger:
+    """Return a log that nobody reads.
+
+    Every request would be written to that of ``websockets``, with the token in it, and a traceback
+    to the terminal for every one that is nonsense.
+    """
+    logger = logging.getLogger("duoglide.viewer.requests")
+    logger.propagate = False
+    logger.setLevel(logging.CRITICAL + 1)
+    return logger
 
 
 def _calm() -> Any:

@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from duoglide.planning.trajectory import Trajectory
 
 _FRAME = 1.0 / 30.0  # [s] between two pictures while playing
-_NEAR, _FAR = np.array([213, 30, 60]), np.array([0, 130, 200])  # clearance at its bound, at ease
+_NEAR, _FAR = np.array([213, 30, 60]), np.array([0, 130, 200])  # at a bound, at ease
 _EASE = 40.0  # [mm] above the machine's clearance
+_LOOSE = 10.0  # [mm] above the machine's carriage margin
 
 
 Loaded: TypeAlias = "tuple[Recording, Trajectory | None]"
@@ -130,10 +131,12 @@ class MotionPanel:
         if self._path is not None:
             self._path.remove()
             self._path = None
-        points, room = recording.positions, recording.clearances
+        points, machine = recording.positions, self._machine
         if len(points) < 2:
             return
-        ease = np.clip((room - self._machine.clearance) / _EASE, 0.0, 1.0)[:, None]
+        room = (recording.clearances - machine.clearance) / _EASE
+        loose = (recording.margins - machine.carriage_margin) / _LOOSE
+        ease = np.clip(np.minimum(room, loose), 0.0, 1.0)[:, None]
         colours = (_NEAR + ease * (_FAR - _NEAR)).astype(np.uint8)
         self._path = self._server.scene.add_line_segments(
             "/path",
@@ -154,6 +157,7 @@ class MotionPanel:
                 self._plot("Carriages [mm]", recording.times, recording.carriages),
                 self._plot("Velocity and limits [m/s]", recording.times, velocities),
                 self._plot("Clearance [mm]", recording.times, recording.clearances[:, None]),
+                self._plot("Carriage margin [mm]", recording.times, recording.margins[:, None]),
             ]
 
     def _plot(self, title: str, times: FloatArray, values: FloatArray) -> Any:

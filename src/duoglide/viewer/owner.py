@@ -65,11 +65,15 @@ class Owner:
             return True
         if page == self.page or getattr(message, "uuid", None) in self._for_all:
             return True
+        self._tell(page, "Another page gives the orders. Stop and Hold work; or Take over.")
+        return False
+
+    def _tell(self, page: int, reason: str) -> None:
+        """Tell a page why it was not listened to, unless it was told just now."""
         now = self._clock()
         if now >= self._told.get(page, now - _TOLD) + _TOLD:
             self._told[page] = now
-            self._refuse(page, "Another page gives the orders. Stop and Hold work; or Take over.")
-        return False
+            self._refuse(page, reason)
 
     def guard(self, server: Any) -> None:
         """Stand before the handlers of a viser server."""
@@ -77,8 +81,12 @@ class Owner:
         handle = inner._handle_incoming_message
 
         async def guarded(page: int, message: Any) -> None:
-            if self.admits(page, message):
+            if not self.admits(page, message):
+                return
+            try:
                 await handle(page, message)
+            except Exception as error:  # what viser makes of a value that is none, NaN perhaps
+                self._tell(page, f"That is not understood: {error}")
 
         inner._handle_incoming_message = guarded
         server.on_client_connect(lambda client: self.come(client.client_id))

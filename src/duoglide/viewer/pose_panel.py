@@ -8,6 +8,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import DuoglideError
+from duoglide.kinematics.carriage_margin import carriage_margin
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import inverse
 from duoglide.kinematics.singularity.margins import clearance, margins
@@ -89,7 +90,7 @@ class PosePanel:
 
 
 def describe(machine: Machine, position: FloatArray) -> str:
-    """Return the pose in words: clearance, margins, carriages, and what is refused.
+    """Return the pose in words: what is left, margins, carriages, and what is refused.
 
     Args:
         machine: The machine.
@@ -100,22 +101,22 @@ def describe(machine: Machine, position: FloatArray) -> str:
     """
     geometry = machine.geometry
     carriages = inverse(geometry, position)
-    room = float(clearance(geometry, position))
+    room, loose = float(clearance(geometry, position)), float(carriage_margin(geometry, position))
     rows = "\n".join(
         f"| {family.replace('_', ' ')} | {float(value):.2f} |"
         for family, value in margins(geometry, position).by_family().items()
     )
-    warnings = "".join(f"\n\n**{text}**" for text in _refusals(machine, carriages, room))
+    warnings = "".join(f"\n\n**{text}**" for text in _refusals(machine, carriages, room, loose))
     first, second, third = carriages
     return (
-        f"Clearance **{room:.2f} mm**, 1/condition "
+        f"Clearance **{room:.2f} mm**, carriage margin **{loose:.2f} mm**, 1/condition "
         f"**{1.0 / float(transmission(geometry, position).condition_number):.3f}**{warnings}\n\n"
         f"Carriages {first:.2f}, {second:.2f}, {third:.2f} mm\n\n"
         f"| margin | mm |\n|---|---|\n{rows}"
     )
 
 
-def _refusals(machine: Machine, carriages: FloatArray, room: float) -> list[str]:
+def _refusals(machine: Machine, carriages: FloatArray, room: float, loose: float) -> list[str]:
     travel = machine.geometry.rail_half_length
     found = [
         f"Carriage {number} is {abs(value) - travel:.2f} mm past its travel of {travel:g} mm"
@@ -127,6 +128,8 @@ def _refusals(machine: Machine, carriages: FloatArray, room: float) -> list[str]
         found.append(f"Carriages 1 and 2 are {gap:.2f} mm apart, {machine.carriage_width:g} needed")
     if room <= machine.clearance:
         found.append(f"Clearance is below the machine's {machine.clearance:g} mm")
+    if loose < machine.carriage_margin:
+        found.append(f"Carriage margin is below the machine's {machine.carriage_margin:g} mm")
     return found
 
 

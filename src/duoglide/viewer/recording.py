@@ -10,6 +10,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import LogError
+from duoglide.kinematics.carriage_margin import carriage_margin
 from duoglide.kinematics.model import forward, reachable
 from duoglide.kinematics.singularity.margins import clearance
 from duoglide.motion.path.carriage import CarriagePath
@@ -34,6 +35,7 @@ class Recording:
         velocities: [mm/s], shape (n, 3).
         positions: Platform centre [mm], shape (n, 3).
         clearances: To the nearest singular surface or edge of reach [mm], shape (n,).
+        margins: How far all carriages may be off before links part [mm], shape (n,).
         words: What it is, in Markdown.
     """
 
@@ -42,6 +44,7 @@ class Recording:
     velocities: FloatArray
     positions: FloatArray
     clearances: FloatArray
+    margins: FloatArray
     words: str
 
     def position_at(self, t: float) -> FloatArray:
@@ -53,20 +56,26 @@ def recording_of(trajectory: Trajectory) -> Recording:
     """Sample a trajectory for a picture."""
     times, state = trajectory.sample(max(trajectory.duration / _SAMPLES, 1e-4))
     positions = trajectory.position_at(times)
-    room = clearances_of(trajectory.machine.geometry, positions)
+    room = _measure(trajectory.machine.geometry, positions)
     path = trajectory.path
     picks = count_picks(path.checked.path) if isinstance(path, CarriagePath) else 0
     rate = f", {30.0 * picks / trajectory.duration:.0f} picks a minute" if picks else ""
-    words = f"**Plan**: {trajectory.duration:.4f} s, least clearance {room.min():.2f} mm{rate}"
-    return Recording(times, state.carriages, state.velocity, positions, room, words)
+    words = f"**Plan**: {trajectory.duration:.4f} s, {_least(*room)}{rate}"
+    return Recording(times, state.carriages, state.velocity, positions, *room, words)
 
 
-def clearances_of(geometry: Geometry, positions: FloatArray) -> FloatArray:
-    """Return the clearance at each position [mm]; 0 where it is out of reach, as a run may be."""
+def _measure(geometry: Geometry, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return clearance and carriage margin at positions [mm]; 0 where a run was out of reach."""
     within = reachable(geometry, positions)
-    room = np.zeros(len(positions))
+    room, margin = np.zeros((2, len(positions)))
     room[within] = clearance(geometry, positions[within])
-    return room
+    margin[within] = carriage_margin(geometry, positions[within])
+    return room, margin
+
+
+def _least(room: FloatArray, margin: FloatArray) -> str:
+    """Say how near links come to parting."""
+    return f"least clearance {room.min():.2f} mm, least carriage margin {margin.min():.2f} mm"
 
 
 def recording_of_run(run: RunData) -> Recording:
@@ -81,13 +90,13 @@ def recording_of_run(run: RunData) -> Recording:
     carriages = run.actual_mm
     velocities = np.gradient(carriages, run.time, axis=0) if len(run) > 1 else 0.0 * carriages
     positions = forward(run.machine.geometry, carriages[rows])
-    room = clearances_of(run.machine.geometry, positions)
+    room = _measure(run.machine.geometry, positions)
     worst = np.nanmax(np.abs(run.following_error), initial=0.0)
     words = (
         f"**Run**: {run.time[-1]:.3f} s, {len(run)} cycles, worst following error {worst:.3f} mm, "
-        f"worst lateness {run.lateness.max()} us, least clearance {room.min():.2f} mm"
+        f"worst lateness {run.lateness.max()} us, {_least(*room)}"
     )
-    return Recording(run.time[rows], carriages[rows], velocities[rows], positions, room, words)
+    return Recording(run.time[rows], carriages[rows], velocities[rows], positions, *room, words)
 
 
 def load_recording(file: Path) -> tuple[Recording, Trajectory | None]:

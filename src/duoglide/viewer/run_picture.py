@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from duoglide.arrays import FloatArray
 from duoglide.drawing.over_time import draw_carriages, draw_curves, draw_limited, finish
-from duoglide.drawing.picture import LIMIT, Picture, drawn
+from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
 from duoglide.errors import LogError
+from duoglide.kinematics.carriage_margin import carriage_margin
+from duoglide.kinematics.headroom.room import locate
+from duoglide.machine import Machine
 from duoglide.planning.trajectory import Trajectory
 from duoglide.playback.run_data import RunData
 
@@ -15,7 +19,7 @@ _MOST = 20_000  # points of a smooth curve, however long the run
 
 
 def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
-    """Draw a run: carriages, their velocities with the limits, and the tracking error.
+    """Draw a run: carriages, their velocities with the limits, tracking error, what is left.
 
     Args:
         data: What was streamed and measured.
@@ -33,9 +37,9 @@ def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
     rate = np.where(data.on_program, data.rate, 0.0)[some, None]
     velocity = trajectory.at(data.path_time[some]).velocity * rate / 1e3
     limits = trajectory.machine.limits.velocity / 1e3
-    with drawn((7.0, 6.0)) as figure:
-        rows = figure.subplots(3, 1, sharex=True)
-        measured = data.measured_mm[some]
+    measured = data.measured_mm[some]
+    with drawn((7.0, 7.4)) as figure:
+        rows = figure.subplots(4, 1, sharex=True)
         draw_carriages(rows[0], times[some], measured, data.machine)
         if np.isnan(measured).any():
             rows[0].set_title("Carriages [mm]; gaps: no answer in time")
@@ -43,5 +47,17 @@ def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
         draw_curves(rows[2], times[shown], data.following_error[shown] * 1e3)  # every worst one
         rows[2].set_title("Tracking error [µm], measured minus the setpoint that was due")
         rows[2].axhline(0.0, color=LIMIT, linewidth=0.7)
+        rows[3].plot(times[some], _carriage_margin(data.machine, measured), color=COLOURS[0])
+        rows[3].axhline(data.machine.carriage_margin, color=LIMIT, linestyle="--", linewidth=1.0)
+        rows[3].set_title("Carriage margin [mm] where the carriages were, and what is needed")
+        rows[3].set_ylim(bottom=0.0)
         finish(rows, "time from the start of the program [s]")
     return figure
+
+
+def _carriage_margin(machine: Machine, carriages: FloatArray) -> FloatArray:
+    """Return the margin at carriages (n, 3) [mm]: 0 out of reach, NaN without an answer."""
+    position, closed = locate(machine, carriages)
+    margin = np.where(np.isnan(carriages).any(axis=-1), np.nan, 0.0)
+    margin[closed] = carriage_margin(machine.geometry, position[closed])
+    return margin

@@ -19,7 +19,7 @@ from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import StopBounds
 from duoglide.planning.braking.certificate import brake_report
 from duoglide.planning.transfer.certificate import keeps
-from duoglide.planning.transfer.rest_to_rest import rest_to_rest
+from duoglide.planning.transfer.rest_to_rest import plan_rest_to_rest
 
 TABLE = dg.Machine.default().to_dict()["geometry"]
 ROUNDING = 2e-6  # mm, within which a clearance is known
@@ -33,7 +33,8 @@ def random_machine(rng: np.random.Generator) -> dg.Machine:
     scaled |= {name: rng.uniform(-10, 10) for name in ("riser_height", "arm_drop", "strut_drop")}
     same = bool(rng.integers(2))
     deceleration = (6e4,) * 3 if same else tuple(rng.uniform(2e4, 1.2e5, 3).tolist())
-    machine = dg.Machine(geometry=dg.Geometry(**scaled), carriage_margin=0.0)
+    margin = float(rng.choice([0.0, 1.0, 4.0]))
+    machine = dg.Machine(geometry=dg.Geometry(**scaled), carriage_margin=margin)
     drives = replace(machine.drives, quick_stop_deceleration=deceleration)
     box = dg.Box(low=(-30, -30, 200), high=(-10, 10, 230))
     return replace(machine, drives=drives, keep_out=(box,) if rng.integers(2) else ())
@@ -143,8 +144,8 @@ def test_a_dart_between_two_samples_is_seen() -> None:
     start = dg.inverse(machine.geometry, (-41.0, 0.0, 302.0))
     goal = start + np.array([-0.5, 0.5, 0.0])
     limits = dg.CarriageLimits(velocity=1e4, acceleration=1e7, jerk=1e11)
-    breaks, there = rest_to_rest(start, goal, limits, ruckig.Synchronization.Phase)
-    _, back = rest_to_rest(goal, start, limits, ruckig.Synchronization.Phase)
+    breaks, there = plan_rest_to_rest(start, goal, limits, ruckig.Synchronization.Phase)
+    _, back = plan_rest_to_rest(goal, start, limits, ruckig.Synchronization.Phase)
     still = np.zeros((1, 4, 3))
     still[0, 0] = start
     leave, arrive = 0.0121, 0.0121 + 2.0 * breaks[-1]

@@ -302,7 +302,7 @@ def test_of_many_paths_a_few_are_held(machine: dg.Machine, monkeypatch: pytest.M
         return Seam(window, int(np.searchsorted(ends, y)), (-41.0, y, 290.0), Lead(way))
 
     monkeypatch.setattr(program_planner, "plan_window", planned)
-    monkeypatch.setattr(program_planner, "seam_at", cut)
+    monkeypatch.setattr(program_planner, "cut_at", cut)
     made: list[weakref.ref[dg.Path]] = []
 
     def lines() -> Iterator[dg.Path]:

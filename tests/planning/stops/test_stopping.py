@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import duoglide as dg
 from duoglide.motion.path_clock import ClockState, PathClock
 from duoglide.motion.stop_bounds import StopBounds
-from duoglide.planning.stops.certificate import stop_bounds
-from duoglide.planning.stops.kernel import largest_slopes, windows
+from duoglide.planning.stops.certificate import certify_stops
+from duoglide.planning.stops.kernel import find_largest_slopes, find_windows
 
 STEPS = 1400  # of a clock in the time of a trajectory
 MACHINE = dg.Machine.default()
@@ -129,7 +129,7 @@ def test_a_motion_that_goes_nowhere_has_bounds() -> None:
     still = dg.transfer(MACHINE, POINTS[0], POINTS[0])
     assert still.stops.duration == still.duration
     empty = SimpleNamespace(machine=MACHINE, duration=0.0, at=still.at)
-    assert stop_bounds(empty) == StopBounds.constant(0.0, 250.0, 62500.0)
+    assert certify_stops(empty) == StopBounds.constant(0.0, 250.0, 62500.0)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -141,7 +141,7 @@ def test_the_largest_slope_uses_some_limit_fully_and_breaks_none(seed: int) -> N
     r = np.linspace(0.5, 1.0, 200)
     share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - r) / rho))  # r' there, over R1
     found = np.full((2, cells), 1e9)
-    largest_slopes(peaks, (limits, 0.0 * limits), (r, share), rho, found)
+    find_largest_slopes(peaks, (limits, 0.0 * limits), (r, share), rho, found)
     speed, r, share = peaks[:, 0].max(axis=0)[:, None], r[:, None], share[:, None]
     for way, slopes in zip((-1, 1), found, strict=True):
         for factor, kept in ((1.0, True), (1.01, False)):
@@ -157,7 +157,7 @@ def test_the_largest_slope_uses_some_limit_fully_and_breaks_none(seed: int) -> N
 
 def test_a_window_is_as_long_as_a_stop_with_the_least_slope_in_it() -> None:
     largest = np.random.default_rng(3).uniform(10.0, 100.0, 400)
-    slope, last = windows(largest, 900.0)
+    slope, last = find_windows(largest, 900.0)
     for k in range(400):
         assert slope[k] == largest[k : last[k] + 1].min()
         assert last[k] == 399 or last[k] - k >= 900.0 / slope[k]

@@ -12,7 +12,7 @@ import duoglide as dg
 from duoglide.motion.audit import audit
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.timing_report import TimingMethod
-from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.timing import interior_point
 from duoglide.planning.timing.time_path import time_path
 
@@ -54,7 +54,7 @@ def test_whichever_solve_is_the_first_to_fail_the_plan_keeps_every_limit_and_say
         methods.append(plan.report.method)
         assert plan.report.reason
         assert plan.report.reason in str(audit(plan))
-        assert plan.report.reason in repr(dg.Trajectory.of(plan, stop_bounds(plan)))
+        assert plan.report.reason in repr(dg.Trajectory.of(plan, certify_stops(plan)))
         assert plan.duration > 0.999 * best.duration
     assert methods[0] is TimingMethod.CERTIFIED_SLOW
     assert methods[-1] is TimingMethod.IN_PART
@@ -65,7 +65,7 @@ def test_a_flagged_timing_is_flagged_in_its_file(
 ) -> None:
     _failing(monkeypatch, 0)
     motion = time_path(path)
-    plan = dg.Trajectory.of(motion, stop_bounds(motion))
+    plan = dg.Trajectory.of(motion, certify_stops(motion))
     assert plan.report.method is TimingMethod.CERTIFIED_SLOW
     plan.save(tmp_path / "plan.mcap")
     again = dg.Trajectory.load(tmp_path / "plan.mcap")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import duoglide as dg
-from duoglide.planning.transfer.jog import Jog, JogLimits, _bends, _sample
+from duoglide.planning.transfer.jog import Jog, JogLimits, _bound_bends, _sample
 
 MACHINE = dg.Machine.default()
 CYCLE = MACHINE.drives.cycle
@@ -122,10 +122,10 @@ def test_no_motion_bows_off_the_chords_of_its_samples_by_more_than_is_taken_off(
         way /= np.linalg.norm(way)
         state, wish = rng.normal(size=(3, 1)) * way, rng.normal() * way
     scale = np.array([1.0, 0.5 * limits.speed, 0.3 * limits.acceleration])[:, None]
-    motion = jog._towards(state * scale, wish * 0.5 * limits.speed)
+    motion = jog._go_over_to(state * scale, wish * 0.5 * limits.speed)
     times = np.linspace(0.0, motion.duration, 17)
     samples = _sample(motion, times)
-    bow = 0.125 * _bends(samples, float(times[1]), limits.jerk)
+    bow = 0.125 * _bound_bends(samples, float(times[1]), limits.jerk)
     low, high = samples[:-1, 0], samples[1:, 0]
     square = np.maximum(((high - low) ** 2).sum(axis=-1), 1e-300)
     for share in np.linspace(0.0, 1.0, 21):

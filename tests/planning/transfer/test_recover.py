@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -31,7 +31,8 @@ def bad_pose(machine: dg.Machine, rng: np.random.Generator) -> np.ndarray:
 def require_way_out(machine: dg.Machine, trajectory: dg.Trajectory) -> None:
     carriages = trajectory.at(np.linspace(0.0, trajectory.duration, 500)).carriages
     here = room(machine, carriages)
-    for margin in (here.clearance, here.travel, here.order, here.keep_out):
+    for field in fields(here):
+        margin = getattr(here, field.name)
         short = np.minimum(margin, 0.0)  # what is too small
         assert np.diff(short).min() > -1e-5
     assert here.least()[-1] > 0.0
@@ -45,6 +46,19 @@ def test_there_is_a_way_out_on_which_nothing_gets_worse(seed: int) -> None:
     trajectory = recover(MACHINE, bad_pose(MACHINE, rng))
     require_way_out(MACHINE, trajectory)
     assert trajectory.audit().worst <= 1.0005
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1.0, 5.0, 12.0]))
+def test_a_carriage_margin_that_is_too_small_never_gets_smaller(seed: int, needed: float) -> None:
+    rng, machine = np.random.default_rng(seed), replace(MACHINE, carriage_margin=needed)
+    start = bad_pose(machine, rng)
+    while room(machine, start[None]).carriage_margin[0] > 0.0:
+        start = bad_pose(machine, rng)
+    trajectory = recover(machine, start)
+    require_way_out(machine, trajectory)
+    onward = dg.carriage_margin(machine.geometry, dg.forward(machine.geometry, trajectory.end))
+    assert onward > needed
 
 
 def test_a_carriage_past_its_travel_is_brought_back_along_the_rails() -> None:

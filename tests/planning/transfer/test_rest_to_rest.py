@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import duoglide as dg
 from duoglide.motion.path.transfer import TransferPath
-from duoglide.planning.transfer.rest_to_rest import rest_to_rest
+from duoglide.planning.transfer.rest_to_rest import plan_rest_to_rest
 
 STRAIGHT, FREE = ruckig.Synchronization.Phase, ruckig.Synchronization.Time
 
@@ -34,7 +34,7 @@ def test_it_arrives_at_rest_within_limits_a_million_apart(seed: int, straight: b
         acceleration=10 ** rng.uniform(1, 7, 3),
         jerk=10 ** rng.uniform(2, 9, 3),
     )
-    breaks, table = rest_to_rest(start, goal, limits, STRAIGHT if straight else FREE)
+    breaks, table = plan_rest_to_rest(start, goal, limits, STRAIGHT if straight else FREE)
     path = TransferPath(dg.Machine.default(), breaks, table, 1.0)
     states = path.derivatives(np.linspace(0.0, path.duration, 2001))
     reserve = 1.0 + 1e-6
@@ -48,13 +48,13 @@ def test_it_arrives_at_rest_within_limits_a_million_apart(seed: int, straight: b
 
 def test_it_takes_as_long_as_the_slowest_carriage_alone() -> None:
     limits = dg.Machine.default().limits
-    breaks, _ = rest_to_rest(np.zeros(3), np.array([10.0, -305.0, 40.0]), limits, FREE)
+    breaks, _ = plan_rest_to_rest(np.zeros(3), np.array([10.0, -305.0, 40.0]), limits, FREE)
     assert breaks[-1] == pytest.approx(alone(305.0, 4000.0, 60e3, 3e6), rel=1e-9)
 
 
 def test_with_equal_limits_it_goes_straight() -> None:
     way = np.array([100.0, -200.0, 50.0])
-    breaks, table = rest_to_rest(np.zeros(3), way, dg.Machine.default().limits, STRAIGHT)
+    breaks, table = plan_rest_to_rest(np.zeros(3), way, dg.Machine.default().limits, STRAIGHT)
     path = TransferPath(dg.Machine.default(), breaks, table, 1.0)
     q = path.derivatives(np.linspace(0.0, path.duration, 500))[:, 0]
     np.testing.assert_allclose(q, q[:, :1] * way / way[0], atol=1e-9)

@@ -38,6 +38,7 @@ duoglide check program.csv --machine cell.toml --picture path.png
 """
 _MEANING = {
     "clearance": "to the nearest singular surface or edge of reach",
+    "carriage_margin": "that every carriage may be off before links part",
     "travel_1": "of rail left to carriage 1",
     "travel_2": "of rail left to carriage 2",
     "travel_3": "of rail left to carriage 3",

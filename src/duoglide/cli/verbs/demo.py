@@ -154,7 +154,8 @@ def _plan(machine: Machine) -> Trajectory:
 
 
 def _stream(machine: Machine, trajectory: Trajectory, log: Path) -> RunReport:
-    with under_power(machine, "virtual", "bringing up three simulated drives") as robot:
+    doing = "bringing up three simulated drives"
+    with under_power(machine, "virtual", doing, run=(trajectory, True)) as robot:
         return run_with_progress(robot, trajectory, log=log, approach=True, override=1.0)
 
 
@@ -168,7 +169,8 @@ def _replay(machine: Machine, run: Path) -> Comparison:
         log = Path(folder) / "again.mcap"
         with working("checking the recorded run"):
             again = prepare(run, machine, log=log, approach=True)
-        with under_power(machine, "virtual", "bringing them up again") as robot:
+        doing = "bringing them up again"
+        with under_power(machine, "virtual", doing, run=(again.trajectory, True)) as robot:
             run_with_progress(robot, again.trajectory, log=log, approach=True, override=1.0)
         return compare(read_log(run), read_log(log))
 

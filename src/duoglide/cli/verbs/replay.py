@@ -101,7 +101,9 @@ def replay(
             raise
         raise LogError(f"{error}; raw frames are read from {', '.join(SUFFIXES)}") from error
     with (
-        under_power(again.machine, bus, home_here=home_here) as robot,
+        under_power(
+            again.machine, bus, home_here=home_here, run=(again.trajectory, again.approach)
+        ) as robot,
         page_beside(robot, run, view),
     ):
         report = run_with_progress(

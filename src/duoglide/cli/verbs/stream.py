@@ -74,7 +74,7 @@ def stream(
     given = load_machine(machine) if machine is not None else None
     described = machine_that_moves(given, trajectory.machine, bus)
     with (
-        under_power(described, bus, home_here=home_here) as robot,
+        under_power(described, bus, home_here=home_here, run=(trajectory, approach)) as robot,
         page_beside(robot, plan, view),
     ):
         report = run_with_progress(robot, trajectory, log=log, approach=approach, override=factor)

@@ -8,6 +8,9 @@ from enum import Enum, IntEnum
 from duoglide.control.channel.ring import EventEntry
 from duoglide.drives.cia402 import emergency_words
 
+FIFO = 1
+"""Bit of the code of ``Happening.READY``: the stream has real-time priority."""
+
 
 class Happening(IntEnum):
     """What the streamer tells beside its cycles; fields of ``EventEntry`` in brackets."""
@@ -100,6 +103,7 @@ class Condition(Enum):
     LASTING = "carriage stays away from where its setpoints lead"
     LOST = "setpoints do not act, or something holds the carriage"
     ASTRAY = "carriage has not arrived at the last setpoint"
+    UNLED = "drive that brakes by itself cannot be followed along the path any more"
 
     @property
     def concerns_bus(self) -> bool:

@@ -91,6 +91,7 @@ class TrailRule:
         departure: Distance from which on setpoints count as lost [increments].
         goal: Distance from the last setpoint at which a run has arrived [increments].
         mm: Size of an increment [mm].
+        tells: Whether bit 12 of the statusword says that the drive follows.
     """
 
     lag: float = 0.0
@@ -102,6 +103,7 @@ class TrailRule:
     departure: float = 200.0
     goal: float = 300.0
     mm: float = 0.001
+    tells: bool = True
 
 
 @dataclass(frozen=True, slots=True)

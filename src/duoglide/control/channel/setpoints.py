@@ -20,6 +20,7 @@ from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
     from duoglide.machine import Machine
+    from duoglide.motion.led_stops import LedStops
     from duoglide.planning.trajectory import Trajectory
 
 _STEP_RESERVE = 1.001  # audits allow a thousandth
@@ -139,6 +140,7 @@ class PreparedSetpoints:
         stretches: In order.
         outputs: In order.
         fence: What no setpoint may leave.
+        led: Where a drive may lead a stop; None for nowhere.
     """
 
     number: int
@@ -147,6 +149,7 @@ class PreparedSetpoints:
     stretches: tuple[Stretch, ...]
     outputs: tuple[TimedOutput, ...]
     fence: Fence
+    led: LedStops | None = None
 
     @property
     def cycle(self) -> float:

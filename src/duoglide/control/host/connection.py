@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
-from duoglide.control.channel.events import Condition, Happening, Trip
+from duoglide.control.channel.events import FIFO, Condition, Happening, Trip
 from duoglide.control.channel.orders import Assignment, Policy, StreamSettings, TrailRule
+from duoglide.control.host.background import Background
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.process import StreamerProcess
 from duoglide.drives import pdo
 from duoglide.drives.axis.axis import Axis
 from duoglide.drives.axis.configure import await_answer, no_answer
 from duoglide.drives.axis.in_parallel import in_parallel
-from duoglide.drives.bus.buses import BusKind, open_bus, parse_bus
+from duoglide.drives.bus.buses import BusKind, parse_bus
 from duoglide.drives.bus.listen import quiet_time, require_alone
 from duoglide.drives.bus.load import require_bus_load
-from duoglide.drives.pdo import HEARTBEAT, SDO_REPLY, Nmt
+from duoglide.drives.bus.network import open_network
+from duoglide.drives.pdo import Nmt
 from duoglide.drives.scale import Scale
 from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.errors import BusError, InputError
@@ -33,7 +35,6 @@ if TYPE_CHECKING:
 HOST_PATIENCE = 1.0  # [s] that the streamer bears a host that does not read
 _LISTENING_PATIENCE = 10.0  # [s] for a busy computer to do a tenth of a second of cycles
 DEPARTURE = 0.2  # [mm] from which on a setpoint counts as lost
-_LISTENS = (SDO_REPLY, HEARTBEAT)  # the host's own connection; the rest is the streamer's
 
 
 class Connection:
@@ -63,6 +64,7 @@ class Connection:
         else:
             require_alone(bus, machine.drives)
         self.bus = bus
+        self.background = self._resources.enter_context(closing(Background()))
         self._start_stream()
         if self.simulated is None:
             self._require_company_of_none()
@@ -114,6 +116,12 @@ class Connection:
             )
 
     @property
+    def has_priority(self) -> bool:
+        """Whether the kernel gives the streamer real-time priority, as it says when it is ready."""
+        ready = self.monitor.find(lambda event: event.kind == Happening.READY, 0)
+        return ready is not None and bool(ready.code & FIFO)
+
+    @property
     def failed(self) -> bool:
         """Whether the streamer is gone or has lost the bus for good."""
         return not self.process.alive or self.monitor.find(_is_bus_failure, 0) is not None
@@ -129,7 +137,7 @@ class Connection:
 
     def _stop_stream(self) -> None:
         self.monitor.close()
-        self.process.close()
+        self.process.close(hopeless=self.monitor.streamer_is_gone)
 
     @contextmanager
     def axes(self) -> Iterator[tuple[Axis, ...]]:
@@ -157,19 +165,10 @@ def open_axes(machine: Machine, bus: str) -> Iterator[tuple[Axis, ...]]:
     """Open a CANopen connection to the three drives, and close it again.
 
     Raises:
-        BusError: The bus cannot be opened.
+        BusError: The bus cannot be opened, or has failed since.
     """
-    import canopen
-
-    opened = open_bus(bus, machine.drives.bit_rate)
-    opened.set_filters([{"can_id": i, "can_mask": 0x780, "extended": False} for i in _LISTENS])
-    network = canopen.Network(opened)
-    network.NOTIFIER_CYCLE = 0.02  # what disconnecting waits for; a second by default
-    try:
-        network.connect()
+    with open_network(bus, machine.drives.bit_rate) as network:
         yield tuple(Axis(network, machine.drives, number) for number in range(1, AXES + 1))
-    finally:
-        network.disconnect()
 
 
 def _is_bus_failure(event: EventEntry) -> bool:
@@ -236,6 +235,7 @@ def _trail_rule(machine: Machine, index: int) -> TrailRule:
         departure=scale.magnitude(DEPARTURE),
         goal=scale.magnitude(drives.goal_tolerance),
         mm=abs(scale.to_mm(1)),
+        tells=drives.quirks[index].follows_bit,
     )
 
 

@@ -17,7 +17,7 @@ from duoglide.control.host.connection import Connection, bring_up
 from duoglide.control.host.reference import PositionReference, look_at
 from duoglide.drives.axis.axis import Axis, growing_pauses
 from duoglide.drives.axis.in_parallel import in_parallel
-from duoglide.drives.cia402 import METHODS_HERE, Mode, State, decode
+from duoglide.drives.cia402 import METHODS_HERE, Mode, State, Status, decode
 from duoglide.errors import BusError, DriveError, DriveTimeout, NotHomedError
 from duoglide.kinematics.home import home_carriages
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from duoglide.machine import Machine
 
 _PATIENCE = 5.0  # [s] for a change of power
+_SAYING = 1.0  # [s] for a drive under power to say that it follows
 _OFF = (State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY_TO_SWITCH_ON)
 _FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 
@@ -144,6 +145,18 @@ class Drivetrain:
         """Where the setpoints hold the carriages [mm], shape (3,)."""
         return np.array(self.scales.mm(self.latest.setpoint))
 
+    @property
+    def expected(self) -> FloatArray | None:
+        """Where setpoints will hold the carriages once the drives have power and are homed [mm].
+
+        None where homing moves them and finds out.
+        """
+        if self.homed:
+            return self.held if self.enabled else self.carriages
+        if METHODS_HERE.issuperset(self.machine.drives.homing.method):
+            return np.array(self._goals())
+        return None
+
     def axes(self) -> AbstractContextManager[tuple[Axis, ...]]:
         """Open a connection for the drives' objects."""
         return self._connection.axes()
@@ -184,12 +197,37 @@ class Drivetrain:
         with self.axes() as axes:
             for axis in axes:
                 if axis.safe_torque_off():
-                    raise axis.error("safe torque off is active; close its circuit first", 0x5441)
+                    said = axis.quirks.interlock
+                    raise axis.error(
+                        f"safe torque off is active, bit 3 of 0x60FD is {said}; close its circuit"
+                        f' first. If it is closed, drives.quirks interlock = "{said.other}", or'
+                        ' "none", says what that bit means',
+                        0x5441,
+                    )
                 if axis.read_state() is State.FAULT:
                     raise axis.fault()
                 axis.set_mode(Mode.CYCLIC_SYNCHRONOUS_POSITION)
             self._reference.note_power(True, self.latest.actual)
             self._switch(Power.ON, (State.OPERATION_ENABLED,))
+            self._require_following(axes)
+
+    def _require_following(self, axes: tuple[Axis, ...]) -> None:
+        """Take the power off again from a drive that does not say that it follows its setpoints."""
+
+        def ignoring() -> list[Axis]:
+            words = self.latest.statusword
+            told = (axis for axis in axes if axis.quirks.follows_bit)
+            return [axis for axis in told if not words[axis.number - 1] & Status.FOLLOWS_COMMAND]
+
+        if self._connection.monitor.wait_for(lambda _: not ignoring(), _SAYING):
+            return
+        silent = ignoring()
+        self.disable()
+        raise silent[0].error(
+            "is enabled, and bit 12 of its statusword does not say that it follows its setpoints."
+            " Where the drive does not have that bit, drives.quirks follows_bit = false goes"
+            " without: then only the following error shows a drive that ignores its setpoints"
+        )
 
     def disable(self) -> None:
         """Take the power off, step by step."""

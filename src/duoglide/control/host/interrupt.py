@@ -7,12 +7,14 @@ way. Signals that come meanwhile wait: they would leave the machine to its watch
 from __future__ import annotations
 
 import signal
+import socket
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeAlias
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -20,6 +22,97 @@ if TYPE_CHECKING:
 Handler: TypeAlias = "Callable[[int, FrameType | None], object]"
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _CLOSELY = 2.0  # [s] between two signals that mean one thing
+_GRACE = 0.8  # [s] that a program gets to begin what it was told by a signal
+
+
+@dataclass(frozen=True, slots=True)
+class EndingHandler:
+    """A handler that stands for the end of the program, not for what a program does of its own."""
+
+    handle: Handler
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Handle it."""
+        self.handle(number, frame)
+
+
+class EndingWatch:
+    """Hears signals that mean the end, also while the main thread cannot; ``close`` it.
+
+    Python runs handlers in the main thread, and that may be in a library's call that does not
+    return. But it tells every signal at once to one file of the process, and this is its reader. It
+    is silent where that file is somebody else's (asyncio's, another robot's), or where it was not
+    made in the main thread.
+    """
+
+    def __init__(self) -> None:
+        self._heard, self._told = socket.socketpair()
+        self._heard.setblocking(False)
+        self._told.setblocking(False)
+        self._works = _is_main()
+        if self._works:
+            former = signal.set_wakeup_fd(self._told.fileno(), warn_on_full_buffer=False)
+            if former != -1:
+                signal.set_wakeup_fd(former)
+                self._works = False
+
+    def take(self) -> list[Handler]:
+        """Return the handlers of signals that have come and mean the end, without waiting."""
+        try:
+            numbers = self._heard.recv(64)
+        except OSError:
+            return []
+        handlers = (signal.getsignal(number) for number in numbers if number in ENDINGS)
+        return [handler for handler in handlers if _means_the_end(handler)]
+
+    def close(self) -> None:
+        """Hear no more."""
+        self._heard.close()
+        if self._works and not _is_main():
+            self._told.detach()  # it cannot be taken back here, and its number must not be reused
+            return
+        if self._works:
+            former = signal.set_wakeup_fd(-1)
+            if former not in (-1, self._told.fileno()):
+                with suppress(ValueError):
+                    signal.set_wakeup_fd(former)
+        self._told.close()
+
+
+class Ultimatum:
+    """How long a program that was told to end may take until its machine is stopped all the same.
+
+    Python's own handler of Ctrl-C may mean less than the end, at a prompt: it is enough that the
+    program gives an order of any kind, or that nothing moves. Otherwise the power has to go off.
+    """
+
+    def __init__(self) -> None:
+        self._since: float | None = None
+        self._orders = 0
+        self._firm = False
+
+    def begin(self, handler: Handler, now: float, orders: int, moving: bool) -> None:
+        """Note a signal, and how many orders had been given; what is under way is not put off."""
+        firm = handler is not signal.default_int_handler
+        if not (firm or moving):
+            return
+        if self._since is None or firm > self._firm:
+            self._since, self._orders, self._firm = now, orders, firm
+
+    def is_over(self, now: float, orders: int, powered: bool) -> bool:
+        """Whether the program has had its time and has not begun to end; says so once."""
+        if self._since is None or now - self._since < _GRACE:
+            return False
+        self._since = None
+        return powered and (self._firm or orders == self._orders)
+
+
+def _means_the_end(handler: object) -> TypeGuard[Handler]:
+    return isinstance(handler, EndingHandler) or handler is signal.default_int_handler
+
+
+def _is_main() -> bool:
+    return threading.current_thread() is threading.main_thread()
 
 
 @contextmanager
@@ -48,7 +141,7 @@ def interrupting(error: type[KeyboardInterrupt] = KeyboardInterrupt) -> Handler:
             last = now
             raise error
 
-    return handle
+    return EndingHandler(handle)
 
 
 @contextmanager
@@ -61,7 +154,7 @@ def undisturbed() -> Iterator[None]:
     interrupted = isinstance(sys.exception(), KeyboardInterrupt)
     heard = [n for n in ENDINGS if signal.getsignal(n) is not signal.SIG_IGN]
     try:
-        with _handled(heard, lambda number, frame: waiting.append(number)):
+        with _handled(heard, EndingHandler(lambda number, frame: waiting.append(number))):
             yield
     finally:
         if waiting and not interrupted:
@@ -71,7 +164,7 @@ def undisturbed() -> Iterator[None]:
 @contextmanager
 def _handled(numbers: list[signal.Signals], handler: Handler) -> Iterator[None]:
     """Set a handler for a block, where one can be set: in the main thread alone."""
-    if threading.current_thread() is not threading.main_thread():
+    if not _is_main():
         yield
         return
     before = {number: signal.signal(number, handler) for number in numbers}

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
+from duoglide.control.channel.events import RunState
+from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.ring import CycleEntry, EventEntry
+from duoglide.control.host.interrupt import EndingWatch, Ultimatum
 from duoglide.errors import BusError, DuoglideError
 
 if TYPE_CHECKING:
@@ -50,6 +55,7 @@ class Monitor:
         self._failure: DuoglideError | None = None
         self._gone: DuoglideError | None = None
         self._closing = False
+        self._endings, self._ultimatum = EndingWatch(), Ultimatum()
         self._thread = threading.Thread(target=self._read, name="duoglide-monitor", daemon=True)
         self._thread.start()
 
@@ -67,6 +73,11 @@ class Monitor:
     def failed(self) -> bool:
         """Whether the streamer is gone, or a listener has failed: waiting would raise why."""
         return (self._failure or self._gone) is not None
+
+    @property
+    def streamer_is_gone(self) -> bool:
+        """Whether the streamer has ended, or has not spoken for so long that it will not."""
+        return self._gone is not None
 
     def wait_for(self, found: Callable[[CycleEntry], bool], timeout: float) -> bool:
         """Wait until a cycle that begins after this call is as wanted.
@@ -114,6 +125,7 @@ class Monitor:
         """End the thread, after everything that is in the ring has been taken."""
         self._closing = True
         self._thread.join()
+        self._endings.close()
 
     def _wait(self, come: Callable[[], bool], timeout: float) -> bool:
         deadline = time.monotonic() + timeout
@@ -148,11 +160,30 @@ class Monitor:
                 next_look = now + _DEATH_WATCH
             if self._take():
                 heard = now
+            self._insist_on_the_end(now)
             if gone or now - heard > _SILENCE:
                 self._give_up("is gone" if gone else "does not answer")
                 if gone:
                     return
         self._take()
+
+    def _insist_on_the_end(self, now: float) -> None:
+        """Stop the machine of a program that was told to end, and is stuck."""
+        orders = self._process.ring.orders
+        entry = self._latest
+        powered = entry is not None and entry.power not in (Power.SILENT, Power.OFF)
+        moving = entry is not None and entry.state != RunState.NONE
+        for handler in self._endings.take():
+            self._ultimatum.begin(handler, now, orders, moving)
+        if self._ultimatum.is_over(now, orders, powered):
+            with suppress(BusError):  # the streamer may have gone, and the drives with it
+                self._process.order(Command.CLOSE)
+            print(
+                "duoglide: told to end, this program has not begun to; the machine is stopped along"
+                " its path and switched off",
+                file=sys.stderr,
+                flush=True,
+            )
 
     def _give_up(self, what: str) -> None:
         with self._news:

@@ -93,9 +93,15 @@ class StreamerProcess:
         """
         self._hand_over(prepared, _LOAD_PATIENCE)
 
-    def close(self) -> None:
-        """End the process: politely, then firmly."""
-        if self.alive:
+    def close(self, hopeless: bool = False) -> None:
+        """End the process: politely, then firmly.
+
+        Args:
+            hopeless: Whether it has not answered for long; then firmly at once.
+        """
+        if hopeless:
+            self._process.kill()
+        elif self.alive:
             try:
                 self.order(Command.CLOSE)
                 self._process.wait(_CLOSE_PATIENCE)

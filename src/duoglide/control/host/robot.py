@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
+
+import numpy as np
 
 from duoglide.arrays import FloatArray, as_triples, read_only
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
+from duoglide.control.host.background import load_planning
 from duoglide.control.host.connection import Connection
 from duoglide.control.host.drivetrain import Drivetrain
 from duoglide.control.host.interrupt import undisturbed
-from duoglide.control.host.run.fitness import measure_limit_use, require_fit
+from duoglide.control.host.run.fitness import LimitUse, measure_limit_use, require_fit
 from duoglide.control.host.run.handle import (
     STOP_PATIENCE,
     RunHandle,
     RunPlan,
     wait_to_the_end,
 )
-from duoglide.control.host.run.prepare import margin_of, plan_approach, prepare
+from duoglide.control.host.run.prepare import START_TOLERANCE, margin_of, plan_approach, prepare
 from duoglide.control.host.run.report import RunReport
 from duoglide.control.host.run.run_log import RunLog
 from duoglide.drives.cia402 import State, decode
@@ -27,6 +32,7 @@ from duoglide.errors import DriveError, DuoglideError, InputError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward
 from duoglide.motion.path_clock import require_override
+from duoglide.planning.braking.led import led_stops
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
@@ -36,6 +42,28 @@ if TYPE_CHECKING:
     from duoglide.drives.simulation.simulated import SimulatedDrives
     from duoglide.machine import Machine
     from duoglide.planning.trajectory import Trajectory
+
+T = TypeVar("T")
+
+
+class _Ready(NamedTuple):
+    """A run whose setpoints the streamer has.
+
+    Attributes:
+        given: The trajectory that was asked for.
+        use: Of the machine's limits.
+        way: To its start; None where the machine stands there.
+        first: Setpoints of that way.
+        prepared: Setpoints of the run.
+        here: Where the way begins [mm], shape (3,).
+    """
+
+    given: Trajectory
+    use: LimitUse
+    way: Trajectory | None
+    first: PreparedSetpoints | None
+    prepared: PreparedSetpoints
+    here: FloatArray
 
 
 class Robot:
@@ -51,6 +79,7 @@ class Robot:
         self._connection = connection
         self._drives = Drivetrain(machine, connection)
         self._run: RunHandle | None = None
+        self._ready: _Ready | None = None
         self._number = 0  # of the newest setpoints
         self._stops = self._stops_before = 0  # calls of stop(); how many before a run was asked for
 
@@ -119,6 +148,11 @@ class Robot:
         return self._connection.simulated
 
     @property
+    def has_priority(self) -> bool:
+        """Whether the kernel gives the stream real-time priority (SCHED_FIFO)."""
+        return self._connection.has_priority
+
+    @property
     def homed(self) -> bool:
         """Whether the drives' position reference is known."""
         return self._drives.homed
@@ -173,11 +207,14 @@ class Robot:
     def enable(self) -> None:
         """Bring all three drives under power, holding where they stand.
 
+        All that motions are planned with is loaded first: with power on nothing loads any more.
+
         Raises:
             DriveFault: A drive is in fault; ``reset_fault`` is asked for on purpose.
             DriveError: Safe torque off is active, or a stop is latched.
             DriveTimeout: A drive does not get there.
         """
+        self._connection.background.do(load_planning)
         self._drives.enable()
 
     def disable(self) -> None:
@@ -229,6 +266,7 @@ class Robot:
             DriveFault: The cause persists.
         """
         self._end_run()
+        self._ready = None  # the streamer may be another one afterwards
         self._drives.reset_fault()
 
     def set_brakes(self, closed: bool) -> None:
@@ -240,6 +278,40 @@ class Robot:
         self._drives.set_brakes(closed)
 
     # Runs
+
+    def prepare(self, trajectory: Trajectory, approach: bool = False) -> None:
+        """Certify a run, plan its approach and hand its setpoints over, before there is power.
+
+        ``run`` and ``start`` of the same trajectory then begin at once. Where the machine's place
+        is only known once it is homed, or turns out to be another one, they plan the approach.
+
+        Args:
+            trajectory: What will run.
+            approach: Whether to go to the start first.
+
+        Raises:
+            PathError: The machine is not at the start, and no approach was asked for; or what
+                ``run`` raises of a trajectory.
+        """
+        self._ready = None
+        here = self._drives.expected
+        if here is not None:
+            self._ready = self._do(lambda: self._get_ready(trajectory, here, approach))
+        else:
+            self._do(lambda: require_fit(trajectory, self.machine))
+
+    def _get_ready(self, trajectory: Trajectory, here: FloatArray, approach: bool) -> _Ready:
+        """Certify, plan and load a run that begins where the carriages are [mm]."""
+        fit, use = require_fit(trajectory, self.machine)
+        way = plan_approach(self.machine, here, fit, approach)
+        fence = Fence.of(self.machine)
+        first = self._load(way, fence, Phase.APPROACH) if way is not None else None
+        prepared = self._load(fit, fence, Phase.PROGRAM)
+        return _Ready(trajectory, use, way, first, prepared, here)
+
+    def _do(self, task: Callable[[], T]) -> T:
+        """Do what takes long below the streamer in priority, and hear signals meanwhile."""
+        return self._connection.background.do(task)
 
     def run(
         self,
@@ -274,15 +346,15 @@ class Robot:
         """Begin a run and return its handle; takes and raises what ``run`` does."""
         override = _require_first_override(override)
         self._require_ready()
-        trajectory, use = require_fit(trajectory, self.machine)
-        way = plan_approach(self.machine, self._drives.held, trajectory, approach)
+        ready, self._ready, held = self._ready, None, self._drives.held
+        if ready is None or not _still_holds(ready, trajectory, held, approach):
+            ready = self._do(lambda: self._get_ready(trajectory, held, approach))
         run_log = None
         if log is not None:
-            run_log = RunLog(log, self.machine, trajectory, way, self.bus)
-        fence = Fence.of(self.machine)
-        first = self._load(way, fence, Phase.APPROACH) if way is not None else None
-        prepared = self._load(trajectory, fence, Phase.PROGRAM)
-        return self._begin(RunPlan(first, prepared, override, self.machine.drives, use), run_log)
+            fit = ready.prepared.trajectory
+            run_log = RunLog(log, self.machine, fit, ready.way, self.bus)
+        plan = RunPlan(ready.first, ready.prepared, override, self.machine.drives, ready.use)
+        return self._begin(plan, run_log)
 
     def _require_ready(self) -> None:
         """Refuse to move what is not ready for it, and end what is over."""
@@ -336,7 +408,7 @@ class Robot:
 
         self._require_ready()
         here = forward(self.machine.geometry, self._drives.held)
-        way = transfer(self.machine, here, position)
+        way = self._do(lambda: transfer(self.machine, here, position))
         self._require_no_stop()
         return self.run(way, override=override)
 
@@ -365,14 +437,16 @@ class Robot:
         from duoglide.planning.transfer.recover import recover
 
         self._require_ready()
-        way = recover(self.machine, self._drives.held)
         held = self._drives.held
-        prepared = self._load(
-            way, Fence.of(self.machine).extend_to(held), Phase.PROGRAM, way_out=True
-        )
-        use = measure_limit_use(way, self.machine)
-        plan = RunPlan(None, prepared, 1.0, self.machine.drives, use)
-        return wait_to_the_end(self._begin(plan, None))
+        fence = Fence.of(self.machine).extend_to(held)
+
+        def get_ready() -> RunPlan:
+            way = recover(self.machine, held)
+            prepared = self._load(way, fence, Phase.PROGRAM, way_out=True)
+            use = measure_limit_use(way, self.machine)
+            return RunPlan(None, prepared, 1.0, self.machine.drives, use)
+
+        return wait_to_the_end(self._begin(self._do(get_ready), None))
 
     # Inside
 
@@ -381,11 +455,14 @@ class Robot:
     ) -> PreparedSetpoints:
         """Hand a trajectory to the streamer, every setpoint of it validated.
 
-        What it leaves the carriages bounds how far they may be off; a way out has nothing left.
+        What it leaves the carriages bounds how far they may be off, and whether a drive that brakes
+        by itself may lead the others; a way out has nothing left.
         """
         self._number += 1
         margin_at = None if way_out else margin_of(trajectory, self.machine)
         prepared = prepare(trajectory, fence, self._number, phase, margin_at)
+        if not way_out:
+            prepared = replace(prepared, led=led_stops(trajectory))
         self._connection.process.load(prepared)
         return prepared
 
@@ -396,6 +473,12 @@ class Robot:
             if not run.done:
                 run.stop()
             run.wait(STOP_PATIENCE)
+
+
+def _still_holds(ready: _Ready, trajectory: Trajectory, held: FloatArray, approach: bool) -> bool:
+    """Whether what was prepared is this run, from where the machine stands."""
+    begins_here = bool(np.abs(ready.here - held).max() <= START_TOLERANCE)
+    return ready.given is trajectory and begins_here and (approach or ready.way is None)
 
 
 def _require_first_override(override: object) -> float:

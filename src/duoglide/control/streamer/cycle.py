@@ -14,6 +14,7 @@ from duoglide.control.channel.events import Happening, Reaction, Refusal, RunSta
 from duoglide.control.channel.orders import Command, Order, Power, StreamSettings
 from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.control.streamer.follower import OVER, Follower, PathActions
+from duoglide.control.streamer.lead import Lead
 from duoglide.control.streamer.power import Departure, all_in, controlword
 from duoglide.control.streamer.supervise import DueSetpoints, Watch
 from duoglide.control.streamer.wire import Wire
@@ -103,6 +104,7 @@ class Streamer:
         self._tracks = self._wire.tracks
         self._watch = Watch(settings.policy, settings.trails)
         self._follower: Follower | None = None
+        self._lead = Lead()
         self._setpoint, self._words = _ZEROS, _ZEROS
         self._sent = deque([_ZEROS] * _REMEMBERED, _REMEMBERED)
         self._margins = deque([_INFINITE] * _REMEMBERED, _REMEMBERED)
@@ -247,6 +249,7 @@ class Streamer:
                 self.tell(Happening.EMERGENCY, axis=number, code=code)
         due = self._due() if self._enabled else None
         watch.see_axes(self._tracks, due, self._power.homes)
+        self._look_for_a_leader()
         for number, trail in enumerate(watch.trails, 1):
             if trail.departure_is_over:
                 self._tell_departure(number, trail)
@@ -265,6 +268,16 @@ class Streamer:
             self._silenced = self._cycle <= self._settings.quiet
             self.tell(Happening.FOREIGN)
         seen.pressed, seen.astray, seen.refused = False, 0, 0
+        self._lead.lost = 0
+
+    def _look_for_a_leader(self) -> None:
+        """Let a drive that brakes by itself lead the others along the path, where that is good."""
+        watch, lead = self._watch, self._lead
+        if self._follower is not None and self._enabled:
+            lead.look(self._follower, watch.seen.axes, watch.trails, self._sent, self._skipped)
+        else:
+            lead.axis = 0
+        watch.leader, watch.seen.unled = lead.axis, lead.lost
 
     def _host_waits(self) -> bool:
         """Whether a silent host would speak if a busy computer let it; for so long, and no longer.
@@ -292,8 +305,8 @@ class Streamer:
             self._unsure, self._unsteady = 2 + self._skipped, _REMEMBERED
         elif self._unsteady:
             self._unsteady -= 1
-        else:
-            self._unsure = 0
+        else:  # whoever follows a drive that brakes is asked for more than usual, and trails more
+            self._unsure = int(self._lead.axis > 0)
         return DueSetpoints(tuple(self._sent)[:-1], self._margins[_DUE], self._unsure)
 
     def _tell_departure(self, number: int, trail: AxisTrail) -> None:
@@ -313,7 +326,9 @@ class Streamer:
             return
         if reaction is Reaction.QUICK_STOP:
             self._end_run(Happening.STOPPED, by_themselves=True)
-            self._power, self._enabled = Power.QUICK_STOP, False
+            if self._power is not Power.OFF:  # what is being switched off must not stay on
+                self._power = Power.QUICK_STOP
+            self._enabled = False
         elif self._follower is not None:
             self._follower.stop()
 
@@ -414,7 +429,10 @@ class Streamer:
             self._wire.flush()
             return
         first, second, third = (
-            controlword(self._power, track.state, self._cycle) for track in self._tracks
+            controlword(
+                self._lead.power_of(axis, self._power, track.state), track.state, self._cycle
+            )
+            for axis, track in enumerate(self._tracks, 1)
         )
         self._words = (first, second, third)
         self._wire.command(self._words, self._setpoint)

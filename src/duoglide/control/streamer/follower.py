@@ -11,6 +11,7 @@ from duoglide.motion.path_clock import ClockState, PathClock
 if TYPE_CHECKING:
     from duoglide.control.channel.scale import IntTriple
     from duoglide.control.channel.setpoints import PreparedSetpoints
+    from duoglide.control.streamer.led_stop import LedStop
     from duoglide.control.streamer.wire import Wire
     from duoglide.motion.path.actions import SetOutput, WaitInput
 
@@ -31,11 +32,13 @@ class Follower:
         rate: Path time per time.
         margin: What the plan leaves the carriages at the newest setpoint [mm].
         waited: How long the wait at hand has lasted [s].
+        led: The stop that a drive leads, once one does; nothing else moves path time then.
     """
 
     def __init__(self, prepared: PreparedSetpoints, override: float) -> None:
         self.prepared = prepared
-        self.path_time = self.rate = self.waited = 0.0
+        self.path_time = self.rate = self.waited = self._before = 0.0
+        self.led: LedStop | None = None
         self._setpoint = prepared.first
         self.margin = prepared.stretches[0].margin(0.0)
         self._stretch, self._later = prepared.stretches[0], iter(prepared.stretches[1:])
@@ -46,6 +49,8 @@ class Follower:
     @property
     def state(self) -> RunState:
         """What the run is doing."""
+        if self.led is not None:
+            return RunState.STOPPED if self.led.over else RunState.STOPPING
         if self._stopped:
             return RunState.STOPPED
         return RunState.WAITING if self._waiting else _RUN_STATES[self._clock.state]
@@ -53,7 +58,12 @@ class Follower:
     @property
     def wait(self) -> WaitInput | None:
         """What the run waits for; None while it does not."""
-        return self._stretch.wait if self._waiting else None
+        return self._stretch.wait if self._waiting and self.led is None else None
+
+    @property
+    def path_times(self) -> tuple[float, float]:
+        """Of the two newest setpoints, the older one first [s]."""
+        return self._before, self.path_time
 
     def hold(self) -> None:
         """Come to rest on the path until ``resume``."""
@@ -83,11 +93,15 @@ class Follower:
 
     def advance(self, cycles: int = 1) -> IntTriple:
         """Let ``cycles`` pass and return the setpoint for now [increments]."""
-        if self._waiting or self._stopped:
+        self._before = self.path_time
+        if self.led is None and (self._waiting or self._stopped):
             self.waited += cycles * self.prepared.cycle
             return self._setpoint
         stretch = self._stretch
-        u, self.rate = self._clock.step(cycles * self.prepared.cycle)
+        if self.led is None:
+            u, self.rate = self._clock.step(cycles * self.prepared.cycle)
+        else:
+            u, self.rate = self.led.step()
         if u >= stretch.end:
             u = stretch.end
             if stretch.wait is not None:

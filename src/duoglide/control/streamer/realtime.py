@@ -8,6 +8,8 @@ import os
 import sys
 from dataclasses import dataclass
 
+from duoglide.control.channel.events import FIFO
+
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT_AND_FUTURE = 3
 _PRIORITY = 60  # above ordinary FIFO threads of the kernel's interrupts (50), below its watchdogs
@@ -29,8 +31,8 @@ class Privileges:
     slack: bool
 
     def to_bits(self) -> int:
-        """Return what the event of readiness carries: ``fifo`` in bit 0, and so on."""
-        return self.fifo | self.locked << 1 | self.slack << 2
+        """Return what the event of readiness carries."""
+        return self.fifo * FIFO | self.locked << 1 | self.slack << 2
 
 
 def become_realtime() -> Privileges:

@@ -12,7 +12,7 @@ that clearance is kept while they do.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from duoglide.arrays import AXES
@@ -62,6 +62,7 @@ class Observation:
         refused: Axis whose setpoint broke a rule, 1 to 3; 0 for none.
         pressed: Quick stop was commanded.
         astray: Axis that has not arrived where a run ends, 1 to 3; 0 for none.
+        unled: Axis of a drive that led a stop, and cannot be followed any more; 0 for none.
         foreign: Somebody else has sent SYNC, a setpoint, or a heartbeat as this host.
     """
 
@@ -76,6 +77,7 @@ class Observation:
     host_waits: bool = False
     refused: int = 0
     astray: int = 0
+    unled: int = 0
     pressed: bool = False
     foreign: bool = False
 
@@ -110,6 +112,8 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.FOREIGN, Reaction.QUICK_STOP)
     if seen.refused:
         yield Trip(Condition.REFUSED, Reaction.QUICK_STOP, seen.refused)
+    if seen.unled:
+        yield Trip(Condition.UNLED, Reaction.QUICK_STOP, seen.unled)
     if seen.astray:
         yield Trip(Condition.ASTRAY, Reaction.STOP_ON_PATH, seen.astray)
     if seen.unsent >= policy.unsent:
@@ -157,6 +161,9 @@ _NOT_ENABLED: dict[State | None, Condition] = {
 }
 
 
+_OF_A_LEADER = (Condition.EMERGENCY, Condition.FAULT, Condition.NOT_ENABLED)
+
+
 class Watch:
     """Fills in an observation every cycle, and latches what has tripped.
 
@@ -166,6 +173,8 @@ class Watch:
 
     Attributes:
         policy: As given; it may be replaced.
+        leader: Axis of a drive that brakes by itself and leads the stop, so that its state asks for
+            no more than that; 0 for none.
         trails: How the carriages trail their setpoints.
         seen: Of this cycle.
         reaction: The strongest that is latched.
@@ -176,6 +185,7 @@ class Watch:
         self.trails = tuple(map(AxisTrail, rules))
         self.reaction = Reaction.NONE
         self.policy = policy
+        self.leader = 0
         self._told: set[tuple[Condition, int, int]] = set()
         self._life = 0
 
@@ -200,13 +210,15 @@ class Watch:
             view.following, view.stays, view.away = 0.0, False, False
             if homing or track.homing:
                 view.statusword = 0  # bits 12 and 13 mean something else there
-            elif due is not None and not track.missing:  # an old position proves nothing
+            elif due is not None and not track.missing and index + 1 != self.leader:
                 self._judge_trail(index, track, due)
         self.seen.enabled = due is not None
 
     def _judge_trail(self, index: int, track: AxisTrack, due: DueSetpoints) -> None:
         view, trail = self.seen.axes[index], self.trails[index]
         # after a gap the answer may be to an earlier SYNC, for a while
+        if not trail.rule.tells:
+            view.statusword |= _FOLLOWS
         unsure = due.unsure if track.settled else max(due.unsure, _UNSURE + track.gap)
         row = [setpoint[index] for setpoint in due.setpoints]
         trail.see(track.actual, row, due.margin / trail.rule.mm, unsure)
@@ -233,7 +245,9 @@ class Watch:
 
     def find_new_trips(self) -> Iterator[Trip]:
         """Yield what is met for the first time, and let the reaction grow with it."""
-        for trip in assess(self.seen, self.policy):
+        for found in assess(self.seen, self.policy):
+            led = found.axis == self.leader and found.condition in _OF_A_LEADER
+            trip = replace(found, reaction=Reaction.STOP_ON_PATH) if led else found
             self.reaction = max(self.reaction, trip.reaction)
             key = (trip.condition, trip.axis, trip.code)
             if key not in self._told:

@@ -101,6 +101,16 @@ class AxisTrail:
             self._learn(off, step, bend)
 
     @property
+    def lag(self) -> float:
+        """By how many cycles of speed it trails, as far as is known."""
+        return self.rule.lag + self._lag
+
+    @property
+    def bend(self) -> float:
+        """By how many squared cycles of acceleration, likewise."""
+        return self.rule.bend + self._bend
+
+    @property
     def _threshold(self) -> float:
         """What counts as a departure: more than is usual with this drive [increments]."""
         return max(self.rule.departure, _MORE * self._usual)

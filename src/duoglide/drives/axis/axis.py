@@ -8,11 +8,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
 from duoglide.drives import pdo, standstill
-from duoglide.drives.axis.configure import Identity, configure, identify, wait_for_boot
+from duoglide.drives.axis.configure import (
+    Identity,
+    Refusals,
+    configure,
+    identify,
+    list_homing,
+    wait_for_boot,
+)
 from duoglide.drives.axis.objects import DriveObjects
 from duoglide.drives.axis.sdo_client import SdoRefusalError
 from duoglide.drives.axis.units import read_units
@@ -90,7 +98,7 @@ class Axis(DriveObjects):
         """
         if self.read_state() in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
             self.go_to(State.SWITCH_ON_DISABLED)  # somebody left it under power
-        configure(self, self.units, travel, speed)
+        configure(self, lambda: self.units, travel, speed)
 
     # -- what it says -------------------------------------------------------------------------
 
@@ -127,7 +135,14 @@ class Axis(DriveObjects):
         index = self.quirks.homed_object
         if not index and self.has(_SIMULATED_HOMED) and self.simulated:
             index = _SIMULATED_HOMED
-        return int.from_bytes(self.read_bytes(index, 0), "little") == 1 if index else None
+        if not index:
+            return None
+        try:
+            return int.from_bytes(self.read_bytes(index, 0), "little") == 1
+        except SdoRefusalError as refusal:
+            raise self.error(
+                f"0x{index:04X} cannot be read: drives.quirks homed_object = 0 goes without it"
+            ) from refusal
 
     def read_identity(self, sub: int) -> int:
         """Return a field of 0x1018; 0 where the drive does not have it."""
@@ -146,11 +161,11 @@ class Axis(DriveObjects):
     def read_error_code(self) -> int:
         """Return the code of the fault, 0x603F or the newest of 0x1003; 0 where neither says it."""
         if self.has(0x603F):
-            return self.read(0x603F)
-        try:
+            with suppress(SdoRefusalError):  # not worth a refusal: it only names what is known
+                return self.read(0x603F)
+        with suppress(SdoRefusalError):
             return self.read(0x1003, 1) & 0xFFFF
-        except SdoRefusalError:
-            return 0
+        return 0
 
     def fault(self) -> DriveFault:
         """Make the error for the fault that the drive is in."""
@@ -175,11 +190,12 @@ class Axis(DriveObjects):
 
     def describe(self) -> AxisReport:
         """Ask the drive what it is and how it is; changes nothing."""
+        identity = self.identify()
         code = self.read_error_code()
         return AxisReport(
             axis=self.number,
             node_id=self.node_id,
-            identity=self.identify(),
+            identity=identity,
             state=self.read_state(),
             error=emergency_words(code) if code else "",
             position=self.read_position(),
@@ -236,17 +252,15 @@ class Axis(DriveObjects):
         Args:
             position: Where the carriage is once homing ends [mm]. Method 37: where it stands.
         """
-        homing = self.settings.homing
-        self.write_checked(0x6098, 0, homing.method[self.number - 1])
-        offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
-        self._write_home(offset)
-        for index, sub, value in (
-            (0x6099, 1, self.units.speed(homing.search_speed)),
-            (0x6099, 2, self.units.speed(homing.creep_speed)),
-            (0x609A, 0, self.units.ramp(homing.acceleration)),
-        ):
+        refusals = Refusals(self)
+        for index, sub, value in list_homing(self, self.units):
             if self.has(index):
-                self.write_checked(index, sub, value)
+                with refusals.collected():
+                    self.write_checked(index, sub, value)
+        offset = self.quirks.home_offset_sign * self.scale.to_increments(position)
+        with refusals.collected():
+            self._write_home(offset)
+        refusals.raise_them()
         self.set_mode(Mode.HOMING)
 
     def start_homing(self, position: float) -> None:
@@ -268,7 +282,7 @@ class Axis(DriveObjects):
         self.write_bytes(index, sub, data)
         if (kept := self.read_bytes(index, sub)) != data:
             value = int.from_bytes(kept, "little", signed=True)
-            raise self.error(f"0x{index:04X}:{sub} was written as {position} but reads {value}")
+            raise self.mismatch(index, sub, position, value)
 
     def homing_done(self) -> bool:
         """Whether the drive has found its reference and stands.
@@ -299,7 +313,10 @@ class Axis(DriveObjects):
         self.set_mode(Mode.CYCLIC_SYNCHRONOUS_POSITION)
         says = self.read_position()
         if abs(says - position) > self.settings.following_error_window:
+            sign = self.quirks.home_offset_sign
+            opposite = abs(says + position) <= self.settings.following_error_window
+            answer = f"home_offset_sign = {-sign}" if opposite else "home_object may be another one"
             raise self.error(
                 f"says {says:.3f} mm after homing, should say {position:.3f} mm;"
-                " drives.quirks home_offset_sign or home_object may be wrong"
+                f" drives.quirks {answer}"
             )

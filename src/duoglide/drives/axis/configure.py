@@ -9,16 +9,23 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from duoglide.drives import pdo
 from duoglide.drives.axis.objects import DriveObjects
-from duoglide.drives.axis.sdo_client import SdoRefusalError
-from duoglide.drives.cia402 import Mode
+from duoglide.drives.axis.pdo_maps import (
+    OTHER_RPDOS,
+    OTHER_TPDOS,
+    PDO_MAPS,
+    map_pdo,
+    switch_off_pdo,
+)
+from duoglide.drives.axis.sdo_client import ObjectError, SdoRefusalError
+from duoglide.drives.cia402 import METHODS_HERE, Mode
 from duoglide.drives.scale import RateUnits
-from duoglide.errors import ConfigError, DriveTimeout, DuoglideWarning
+from duoglide.errors import ConfigError, DriveError, DriveTimeout, DuoglideWarning
 from duoglide.machine.drive_contract import answer_to
 
 PROFILE_402 = 402  # low word of 0x1000
@@ -27,46 +34,15 @@ _FIRST_ANSWER = 0.1  # how long to wait for one answer of a drive that may still
 _WORTH_TELLING = 1.0  # of waiting [s]
 _SLOW, _LOOKS = 0.03, 3  # an answer that takes as long whenever it is asked for [s]
 _REQUESTS = 150  # of one bring-up, roughly
-_INVALID = 1 << 31  # of a PDO's COB-ID
-# Beside the contract's two, the PDOs that a maker may have on at delivery.
-_OTHER_RPDOS, _OTHER_TPDOS = range(0x1402, 0x1408), range(0x1802, 0x1808)
 _SPEED_ROOM = 1.1  # so that a drive that has fallen behind by a lost setpoint may catch up
 _MILLI, _BYTE = -3, 255  # of 0x60C2: the exponent that all drives know, the largest value
 _ABORT_QUICK_STOP = 3  # 0x6007: quick stop when the host is lost
 _RAMP = 1  # 0x605B, 0x605C: brake first
-_NOT_THERE = (0x06020000, 0x06090011)  # abort codes: no such object, no such sub-index
 _RAMP_QUICK = 2  # 0x605D, 0x605E: brake at 0x6085
 
 
 class DriveWarning(DuoglideWarning):
     """A drive keeps its host waiting."""
-
-
-@dataclass(frozen=True, slots=True)
-class PdoMap:
-    """How one PDO shall be mapped.
-
-    Attributes:
-        parameters: 0x14xx or 0x18xx.
-        mapping: 0x16xx or 0x1Axx.
-        cob_id: Identifier without the node number.
-        kind: Transmission type.
-        entries: Index, sub-index and bits of each object in it.
-    """
-
-    parameters: int
-    mapping: int
-    cob_id: int
-    kind: int
-    entries: tuple[tuple[int, int, int], ...]
-
-
-PDO_MAPS = (
-    PdoMap(0x1400, 0x1600, pdo.RPDO1, pdo.SYNCHRONOUS, pdo.RPDO1_MAPPING),
-    PdoMap(0x1401, 0x1601, pdo.RPDO2, pdo.ON_EVENT, pdo.RPDO2_MAPPING),
-    PdoMap(0x1800, 0x1A00, pdo.TPDO1, pdo.SYNCHRONOUS, pdo.TPDO1_MAPPING),
-    PdoMap(0x1801, 0x1A01, pdo.TPDO2, pdo.ON_EVENT, pdo.TPDO2_MAPPING),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +192,7 @@ def _name(drive: DriveObjects) -> str:
 
 def configure(
     drive: DriveObjects,
-    units: RateUnits,
+    ask_units: Callable[[], RateUnits],
     travel: tuple[float, float] | None,
     speed: float | None,
 ) -> None:
@@ -224,14 +200,18 @@ def configure(
 
     Args:
         drive: The drive, without power.
-        units: What its speeds and accelerations mean.
+        ask_units: Returns what its speeds and accelerations mean; DriveError where that is not
+            known.
         travel: Software limits, 0x607D [mm]; None leaves those of the drive.
         speed: Greatest one that the host asks for [mm/s]; 0x607F, with room above it, bounds what
             a setpoint that is far off can do. None leaves that of the drive.
     """
     drive.command(pdo.Nmt.ENTER_PRE_OPERATIONAL)
     refusals = Refusals(drive)
-    for parameters in (*_OTHER_RPDOS, *_OTHER_TPDOS):
+    units: RateUnits | None = None
+    with refusals.collected():
+        units = ask_units()
+    for parameters in (*OTHER_RPDOS, *OTHER_TPDOS):
         with refusals.collected():
             switch_off_pdo(drive, parameters)
     for wanted in PDO_MAPS:
@@ -264,28 +244,42 @@ class Refusals:
 
     def __init__(self, drive: DriveObjects) -> None:
         self._drive = drive
-        self._found: list[SdoRefusalError] = []
+        self._found: list[DriveError] = []
 
     @contextmanager
     def collected(self) -> Iterator[None]:
-        """Keep a refusal of what is written inside, and go on."""
+        """Keep what a drive refuses inside, and go on; a drive that is silent ends it."""
         try:
             yield
-        except SdoRefusalError as refusal:
+        except DriveTimeout:
+            raise
+        except DriveError as refusal:
             self._found.append(refusal)
 
     def raise_them(self) -> None:
         """Raise DriveError with every refusal and the key that answers it; nothing if none."""
         if not self._found:
             return
-        prefix = f"axis {self._drive.number} (node {self._drive.node_id})"
-        said = [
-            f"{str(refusal).removeprefix(prefix + ', ')}"
-            + (f" [{answer}]" if (answer := answer_to(refusal.index, refusal.sub)) else "")
-            for refusal in self._found
-        ]
-        count = f"{len(said)} objects are refused: " if len(said) > 1 else ""
-        raise self._drive.error(f"{count}{'; '.join(said)}")
+        said = [self._say(refusal) for refusal in self._found]
+        if len(said) == 1:
+            raise self._drive.error(said[0])
+        raise self._drive.error(
+            f"{len(said)} objects are refused: {'; '.join(said)}."
+            " duoglide drives probe prints the tables that answer all of them"
+        )
+
+    def _say(self, refusal: DriveError) -> str:
+        words = str(refusal).removeprefix(f"axis {self._drive.number} (node {self._drive.node_id})")
+        answer = ""
+        if isinstance(refusal, ObjectError):
+            answer = self._answer(refusal.index, refusal.sub)
+        return words.lstrip(",: ") + (f" [{answer}]" if answer else "")
+
+    def _answer(self, index: int, sub: int) -> str:
+        if any((index, sub) == write[:2] for write in self._drive.quirks.writes):
+            return "drives.quirks writes names it"
+        home = (index, sub) == self._drive.quirks.home_object
+        return answer_to(0x607C, 0) if home else answer_to(index, sub)
 
 
 def _counts_syncs(drive: DriveObjects) -> bool:
@@ -298,84 +292,16 @@ def _counts_syncs(drive: DriveObjects) -> bool:
         return False
 
 
-def switch_off_pdo(drive: DriveObjects, parameters: int) -> None:
-    """Switch off a PDO as its maker delivers it, if there is one; in PRE-OPERATIONAL.
-
-    Left on, it loads the bus in every cycle, or acts on a frame that means something else here.
-
-    Args:
-        drive: Whose.
-        parameters: 0x14xx or 0x18xx.
-
-    Raises:
-        DriveError: It stays on.
-    """
-    try:
-        cob_id = int.from_bytes(drive.read_bytes(parameters, 1), "little")
-        if not cob_id & _INVALID:
-            drive.write_bytes(parameters, 1, (cob_id | _INVALID).to_bytes(4, "little"))
-            cob_id = int.from_bytes(drive.read_bytes(parameters, 1), "little")
-    except SdoRefusalError as refusal:
-        if refusal.abort in _NOT_THERE:
-            return
-        raise
-    if not cob_id & _INVALID:
-        raise drive.error(
-            f"its PDO 0x{parameters:04X} stays on (0x{cob_id:X}); switch it off with the maker's"
-            " tool, and store that"
-        )
-
-
-def map_pdo(drive: DriveObjects, wanted: PdoMap) -> None:
-    """Map one PDO in the order of CiA 301, 7.5.2.36, and read it back; in PRE-OPERATIONAL.
-
-    A drive that refuses is left as it is where it already sends and takes what is wanted.
-
-    Raises:
-        SdoRefusalError: The drive refuses.
-        DriveError: The drive keeps another identifier than the one written.
-    """
-    try:
-        _write_map(drive, wanted)
-    except SdoRefusalError:
-        if not _is_mapped(drive, wanted):
-            raise
-
-
-def _is_mapped(drive: DriveObjects, wanted: PdoMap) -> bool:
-    """Whether a PDO is on and as it is wanted."""
-    entries = [index << 16 | sub << 8 | bits for index, sub, bits in wanted.entries]
-    return (
-        drive.read(wanted.parameters, 1) & (_INVALID | 0x7FF) == wanted.cob_id + drive.node_id
-        and drive.holds(wanted.parameters, 2, wanted.kind)
-        and drive.holds(wanted.mapping, 0, len(entries))
-        and all(drive.holds(wanted.mapping, i, entry) for i, entry in enumerate(entries, start=1))
-    )
-
-
-def _write_map(drive: DriveObjects, wanted: PdoMap) -> None:
-    cob_id = wanted.cob_id + drive.node_id
-    drive.write(wanted.parameters, 1, cob_id | _INVALID)
-    drive.write_checked(wanted.parameters, 2, wanted.kind)
-    drive.write(wanted.mapping, 0, 0)
-    for position, (index, sub, bits) in enumerate(wanted.entries, start=1):
-        drive.write_checked(wanted.mapping, position, index << 16 | sub << 8 | bits)
-    drive.write_checked(wanted.mapping, 0, len(wanted.entries))
-    drive.write(wanted.parameters, 1, cob_id)
-    kept = drive.read(wanted.parameters, 1)
-    if kept & (_INVALID | 0x7FF) != cob_id:  # some drives set the "no RTR" bit by themselves
-        raise drive.error(
-            f"0x{wanted.parameters:04X}:1 was written as 0x{cob_id:X} but reads 0x{kept:X}"
-        )
-
-
 def list_settings(
     drive: DriveObjects,
-    units: RateUnits,
+    units: RateUnits | None,
     travel: tuple[float, float] | None,
     speed: float | None,
 ) -> list[tuple[int, int, int]]:
-    """Return the objects to write: timing, watchdogs, stops and limits."""
+    """Return the objects to write: timing, watchdogs, stops and limits.
+
+    Takes and means what ``configure`` does; without units, none of the objects that need them.
+    """
     settings, quirks, scale = drive.settings, drive.quirks, drive.scale
     value, exponent = interpolation_time(settings.cycle, _fixed_exponent(drive))
     timeout = _milliseconds(settings.heartbeat_timeout)
@@ -394,16 +320,32 @@ def list_settings(
         (0x605E, 0, _RAMP_QUICK),
         (0x6065, 0, scale.magnitude(settings.following_error_window)),
         (0x6066, 0, _milliseconds(settings.following_error_time)),
-        (0x6085, 0, units.ramp(settings.quick_stop_deceleration[drive.number - 1])),
     ]
+    if units is not None:
+        ramp = settings.quick_stop_deceleration[drive.number - 1]
+        objects.append((0x6085, 0, units.ramp(ramp, "drives.quick_stop_deceleration")))
     if quirks.setpoint_timer:
         objects.append((0x1400, 5, _milliseconds(settings.setpoint_patience)))
     if travel is not None:
         low, high = sorted(map(scale.to_increments, travel))
         objects += [(0x607D, 1, low), (0x607D, 2, high)]
-    if speed is not None:
+    if units is not None and speed is not None:
         most = units.most_speed  # a bound that cannot be said is set as high as can be
-        objects.append((0x607F, 0, units.speed(min(_SPEED_ROOM * speed, most))))
+        objects.append((0x607F, 0, units.speed(min(_SPEED_ROOM * speed, most), "limits.velocity")))
+    return objects
+
+
+def list_homing(drive: DriveObjects, units: RateUnits | None) -> list[tuple[int, int, int]]:
+    """Return the objects that say how to home; the speeds only of a homing that moves."""
+    homing = drive.settings.homing
+    method = homing.method[drive.number - 1]
+    objects = [(0x6098, 0, method)]
+    if method not in METHODS_HERE and units is not None:
+        objects += [
+            (0x6099, 1, units.speed(homing.search_speed, "drives.homing.search_speed")),
+            (0x6099, 2, units.speed(homing.creep_speed, "drives.homing.creep_speed")),
+            (0x609A, 0, units.ramp(homing.acceleration, "drives.homing.acceleration")),
+        ]
     return objects
 
 

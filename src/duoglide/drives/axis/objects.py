@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING
 import can
 
 from duoglide.drives import pdo
-from duoglide.drives.axis.sdo_client import SdoClient, SdoRefusalError
+from duoglide.drives.axis.sdo_client import (
+    WRONG_LENGTHS,
+    ObjectError,
+    SdoClient,
+    SdoRefusalError,
+)
 from duoglide.drives.linear_axis import object_dictionary
 from duoglide.drives.scale import Scale
 from duoglide.errors import BusError, DriveError
@@ -60,9 +65,19 @@ class DriveObjects:
         return self._sdo.upload(index, 0).decode("ascii", "replace")
 
     def write(self, index: int, sub: int, value: int) -> None:
-        """Write a number to the drive's object dictionary."""
+        """Write a number to the drive's object dictionary, in as many bytes as it has there.
+
+        Raises:
+            SdoRefusalError: The drive refuses, and not for the number of bytes.
+        """
         size = len(self._variable(index, sub)) // 8
-        self.write_bytes(index, sub, value.to_bytes(size, "little", signed=value < 0))
+        try:
+            self.write_bytes(index, sub, value.to_bytes(size, "little", signed=value < 0))
+        except SdoRefusalError as refusal:
+            kept = len(self.read_bytes(index, sub)) if refusal.abort in WRONG_LENGTHS else size
+            if kept == size or not _fits(value, kept):
+                raise
+            self.write_bytes(index, sub, value.to_bytes(kept, "little", signed=value < 0))
 
     def write_bytes(self, index: int, sub: int, data: bytes) -> None:
         """Write an object that the EDS need not know."""
@@ -73,7 +88,7 @@ class DriveObjects:
 
         Raises:
             SdoRefusalError: The drive refuses, and holds another value.
-            DriveError: The drive has kept another value.
+            ObjectError: The drive has kept another value.
         """
         try:
             self.write(index, sub, value)
@@ -83,7 +98,17 @@ class DriveObjects:
             return
         kept = self.read(index, sub)
         if kept != value:
-            raise self.error(f"0x{index:04X}:{sub} was written as {value} but reads {kept}")
+            raise self.mismatch(index, sub, value, kept)
+
+    def mismatch(self, index: int, sub: int, wanted: int, kept: int) -> ObjectError:
+        """Make the error for an object that does not keep what is written."""
+        return ObjectError(
+            f"axis {self.number} (node {self.node_id}), 0x{index:04X}:{sub}: was written as"
+            f" {wanted} but reads {kept}",
+            axis=self.number,
+            index=index,
+            sub=sub,
+        )
 
     def holds(self, index: int, sub: int, value: int) -> bool:
         """Whether an object reads as ``value``; False where the drive refuses to be read."""
@@ -112,3 +137,8 @@ class DriveObjects:
             self.network.send_message(pdo.NMT, pdo.pack_nmt(command, self.node_id))
         except can.CanError as error:
             raise BusError(f"axis {self.number}, NMT {command.name}: {error}") from error
+
+
+def _fits(value: int, size: int) -> bool:
+    """Whether so many bytes hold a number, with a sign where it is negative."""
+    return -(1 << (8 * size - 1)) <= value < 1 << 8 * size

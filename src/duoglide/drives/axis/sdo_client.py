@@ -38,6 +38,8 @@ ABORT_WORDS = {
     0x06040043: "parameter incompatible",
     0x06060000: "hardware error",
     0x06070010: "wrong length or type",
+    0x06070012: "too many bytes",
+    0x06070013: "too few bytes",
     0x06090011: "no such sub-index",
     0x06090030: "value not allowed",
     0x06090031: "value too high",
@@ -49,23 +51,34 @@ ABORT_WORDS = {
     0x08000023: "no object dictionary",
     0x08000024: "no data available",
 }
+WRONG_LENGTHS = (0x06070010, 0x06070012, 0x06070013)
 
 
-class SdoRefusalError(DriveError):
+class ObjectError(DriveError):
+    """A drive does not have, or does not keep, an object as the host needs it.
+
+    Attributes:
+        index: Of the object.
+        sub: Its sub-index.
+    """
+
+    def __init__(self, message: str, *, axis: int, index: int = 0, sub: int = 0) -> None:
+        super().__init__(message, axis=axis)
+        self.index, self.sub = index, sub
+
+
+class SdoRefusalError(ObjectError):
     """The drive has answered with an abort code.
 
     Attributes:
         abort: The code.
-        index: Of the object.
-        sub: Its sub-index.
     """
 
     def __init__(
         self, message: str, *, axis: int, abort: int, index: int = 0, sub: int = 0
     ) -> None:
-        super().__init__(message, axis=axis)
+        super().__init__(message, axis=axis, index=index, sub=sub)
         self.abort = abort
-        self.index, self.sub = index, sub
 
 
 class SdoClient(CanopenClient):  # type: ignore[misc]  # canopen is not typed

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 
-from duoglide.drives.axis.configure import PDO_MAPS
+from duoglide.drives.axis.pdo_maps import PDO_MAPS
 from duoglide.drives.pdo import SYNCHRONOUS
 from duoglide.errors import ConfigError, DuoglideWarning
 from duoglide.machine import DriveSettings

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from duoglide.drives.axis.objects import DriveObjects
 from duoglide.drives.axis.sdo_client import ABORT_WORDS, SdoRefusalError
 from duoglide.drives.linear_axis import object_dictionary
+from duoglide.drives.pdo import Nmt
 from duoglide.drives.scale import Scale
 from duoglide.errors import ConfigError
 
@@ -49,6 +50,9 @@ class DictionaryDrive(DriveObjects):
 
     def close(self) -> None:
         """Do nothing: there is no bus."""
+
+    def command(self, command: Nmt) -> None:
+        """Do nothing: a dictionary has no NMT state."""
 
     def read(self, index: int, sub: int = 0, timeout: float | None = None) -> int:
         """Return the number that the drive would hold."""

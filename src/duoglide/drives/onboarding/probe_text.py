@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from duoglide.drives.bus.load import bus_load
 from duoglide.machine.drive_profiles import PROFILES
+from duoglide.machine.drive_quirks import Quirks
+from duoglide.machine.meaning import unit_of
 
 if TYPE_CHECKING:
     from duoglide.drives.onboarding.probe import Probed
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
 
 _WIDTH = 100
 _HEX_KEYS = ("vendor_id", "product_code")
+_FILL_IN = {"velocity_unit": "for rpm, what one revolution of the motor moves [mm] / 60"}
 _KNOWN_PLACE = 37  # the homing method without being told
 
 
@@ -54,6 +57,8 @@ def _quirks(one: Probed, alone: bool) -> list[str]:
         lines += _comment(f"NOT USABLE: {refusal}.")
     for key, value in one.quirks.items():
         lines.append(f"{key} = {_value(key, value)}")
+    for key in one.to_fill_in:
+        lines.append(f"# {key} =    # TO FILL IN [{unit_of(Quirks, key)}]: {_FILL_IN[key]}")
     lines += _listed("What is missing costs:", one.costs)
     lines += _listed("What stays unsafe:", one.unsafe or ["nothing of what was asked"])
     notes = [*one.notes, *(PROFILES[one.profile].notes if one.profile else ())]
@@ -86,6 +91,8 @@ def _value(key: str, value: object) -> str:
         return f"0x{value:08X}"
     if key == "absent" and isinstance(value, list):
         return f"[{', '.join(f'0x{index:04X}' for index in value)}]"
+    if key == "homed_object":
+        return f"0x{value:04X}"
     if key == "home_object" and isinstance(value, tuple):
         return f"[0x{value[0]:04X}, {value[1]}]"
     return f'"{value}"' if isinstance(value, str) else str(value)

@@ -26,6 +26,7 @@ class DeviceFault(Injection):
     def apply(self, node: DriveNode) -> None:
         """Raise the fault."""
         node.axis.fault(self.code)
+        node.tell_emergencies()
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from duoglide.drives.bus.buses import BusKind, frame_sender, open_bus, parse_bus
 from duoglide.drives.simulation.faults import Injection
 from duoglide.drives.simulation.hub import Hub
+from duoglide.drives.simulation.makers.imitation import Imitation
 from duoglide.drives.simulation.plant import PlantParameters
 from duoglide.drives.simulation.rack import DriveRack, build_rack
 from duoglide.errors import BusError
@@ -36,6 +37,7 @@ class Job(NamedTuple):
     bus: str
     plants: Sequence[PlantParameters] | None
     standstill: float
+    imitations: Sequence[Imitation]
 
 
 class _Control:
@@ -94,7 +96,13 @@ def main(descriptor: int) -> None:
 
 def _serve(pipe: Connection) -> None:
     job: Job = pipe.recv()
-    rack = build_rack(job.settings, job.positions, job.plants, standstill=job.standstill)
+    rack = build_rack(
+        job.settings,
+        job.positions,
+        job.plants,
+        standstill=job.standstill,
+        imitations=job.imitations,
+    )
     control = _Control(pipe, rack)
     _be_prompt()
     if parse_bus(job.bus).kind is BusKind.VIRTUAL:

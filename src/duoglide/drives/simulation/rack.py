@@ -15,11 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State, decode
 from duoglide.drives.simulation.firmware.homing import HomingAxis
+from duoglide.drives.simulation.makers.axis import ForeignAxis
+from duoglide.drives.simulation.makers.imitation import CONTRACT, Imitation
 from duoglide.drives.simulation.node.node import DriveNode, Send
 from duoglide.drives.simulation.plant import Plant, PlantParameters
 from duoglide.drives.standstill import Standstill
@@ -170,6 +173,8 @@ def build_rack(
     plants: Sequence[PlantParameters] | None = None,
     make_axis: Callable[[], AxisApplication] = HomingAxis,
     standstill: float = STANDSTILL,
+    *,
+    imitations: Sequence[Imitation] = (CONTRACT, CONTRACT, CONTRACT),
 ) -> DriveRack:
     """Build the three drives of a machine, switched on and not homed.
 
@@ -180,6 +185,8 @@ def build_rack(
         make_axis: Makes the firmware's application of one drive.
         standstill: For how long they stand still with a host that agrees to it, and as long as
             they wait for setpoints at the least; 0 for never [s].
+        imitations: In what each drive differs from the contract; those have an application of
+            their own.
     """
     shared = Standstill(max(standstill, settings.setpoint_patience) if standstill else 0.0)
     nodes = []
@@ -188,7 +195,9 @@ def build_rack(
         parameters = plants[i] if plants is not None else PlantParameters()
         plant = Plant(_with_switch(parameters, settings, i))
         plant.position = float(positions[i])
-        nodes.append(DriveNode(node_id, make_axis, plant, scale, shared))
+        imitation = imitations[i]
+        make = make_axis if imitation == CONTRACT else partial(ForeignAxis, imitation)
+        nodes.append(DriveNode(node_id, make, plant, scale, shared, imitation=imitation))
     return DriveRack(nodes, shared)
 
 

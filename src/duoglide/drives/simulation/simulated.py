@@ -9,11 +9,14 @@ from __future__ import annotations
 import multiprocessing
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from duoglide.arrays import AXES
 from duoglide.drives.bus.buses import parse_bus
+from duoglide.drives.simulation.makers.imitation import CONTRACT, Imitation
 from duoglide.drives.simulation.process import DISMISS, Job
 from duoglide.drives.simulation.rack import STANDSTILL
 from duoglide.errors import BusError, DriveTimeout
@@ -39,6 +42,7 @@ class SimulatedDrives:
         bus: ``virtual`` starts a hub; any other name is opened and served.
         plants: What hangs on each drive; three, or None for the default.
         standstill: For how long they stand still with a host that agrees to it; see ``build_rack``.
+        imitations: In what each differs from the contract; three, or None for no difference.
     """
 
     def __init__(
@@ -49,10 +53,14 @@ class SimulatedDrives:
         bus: str = "virtual",
         plants: Sequence[PlantParameters] | None = None,
         standstill: float = STANDSTILL,
+        imitations: Sequence[Imitation] | None = None,
     ) -> None:
         parse_bus(bus)
-        self._job = Job(settings, tuple(map(float, positions)), bus, plants, standstill)
+        places = tuple(map(float, positions))
+        differ = (CONTRACT,) * AXES if imitations is None else tuple(imitations)
+        self._job = Job(settings, places, bus, plants, standstill, differ)
         self._address = ""
+        self._one_at_a_time = threading.Lock()  # an answer is for who has asked
 
     def __enter__(self) -> SimulatedDrives:
         self._pipe, theirs = multiprocessing.Pipe()
@@ -91,8 +99,7 @@ class SimulatedDrives:
         Raises:
             DriveTimeout: The process does not answer.
         """
-        self._pipe.send(injection)
-        self._answer(_ANSWER_PATIENCE)
+        self._ask(injection)
 
     def snapshot(self) -> tuple[DriveSnapshot, ...]:
         """Return what the drives really do, past the bus.
@@ -100,9 +107,16 @@ class SimulatedDrives:
         Raises:
             DriveTimeout: The process does not answer.
         """
-        self._pipe.send("snapshot")
-        answer: tuple[DriveSnapshot, ...] = self._answer(_ANSWER_PATIENCE)  # type: ignore[assignment]
+        answer: tuple[DriveSnapshot, ...] = self._ask("snapshot")  # type: ignore[assignment]
         return answer
+
+    def _ask(self, what: object) -> object:
+        with self._one_at_a_time:
+            try:
+                self._pipe.send(what)
+            except OSError:
+                raise BusError("the process of the simulated drives has ended") from None
+            return self._answer(_ANSWER_PATIENCE)
 
     def _answer(self, patience: float) -> object:
         try:

@@ -16,9 +16,13 @@ from duoglide.kinematics.singularity.margins import clearance
 from duoglide.kinematics.transmission import transmission
 from duoglide.kinematics.workspace.columns import columns
 from duoglide.kinematics.workspace.constraints import Constraints
-from duoglide.kinematics.workspace.cuboids import Cuboid, endless, largest_cuboid
+from duoglide.kinematics.workspace.cuboids import Cuboid, largest_cuboid, make_endless
 from duoglide.kinematics.workspace.grid import Grid, grid_over_reach
-from duoglide.kinematics.workspace.rectangles import Rectangle, largest_rectangle, refined
+from duoglide.kinematics.workspace.rectangles import (
+    Rectangle,
+    largest_rectangle,
+    refine_rectangle,
+)
 from duoglide.kinematics.workspace.section import section
 from duoglide.machine import Geometry, Machine
 
@@ -97,7 +101,7 @@ def analyse(
     free = grid.lines.mask
     if not free.any():
         raise ConfigError(f"no pose on a grid of {step:g} mm satisfies {constraints}")
-    low, high = _bounding_box(grid, free)
+    low, high = _find_bounding_box(grid, free)
 
     def is_free(x: FloatArray, z: FloatArray) -> BoolArray:
         return columns(geometry, x, z, constraints, mode).mask
@@ -108,10 +112,10 @@ def analyse(
     def conditioning(poses: FloatArray) -> FloatArray:
         return 1.0 / transmission(geometry, poses, mode).condition_number
 
-    deepest, most = _best(grid, free, depth)
-    best, condition = _best(grid, free, conditioning)
-    rectangle = refined(largest_rectangle(grid, free), is_free, step)
-    cuboid = endless(rectangle)
+    deepest, most = _maximise(grid, free, depth)
+    best, condition = _maximise(grid, free, conditioning)
+    rectangle = refine_rectangle(largest_rectangle(grid, free), is_free, step)
+    cuboid = make_endless(rectangle)
     if constraints.travel < inf:
         cuboid = largest_cuboid(geometry, grid, constraints, is_free, mode)
     exact = Constraints(
@@ -134,7 +138,7 @@ def analyse(
     )
 
 
-def _bounding_box(grid: Grid, free: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _find_bounding_box(grid: Grid, free: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return the corners of the box around the admissible cells."""
     half = 0.5 * grid.step
     along_x, along_z = grid.x[free.any(axis=1)], grid.z[free.any(axis=0)]
@@ -145,7 +149,7 @@ def _bounding_box(grid: Grid, free: BoolArray) -> tuple[FloatArray, FloatArray]:
     )
 
 
-def _best(grid: Grid, free: BoolArray, measure: Measure) -> tuple[FloatArray, float]:
+def _maximise(grid: Grid, free: BoolArray, measure: Measure) -> tuple[FloatArray, float]:
     """Maximise a quantity of the xz plane: a coarse look, then ever smaller neighbourhoods."""
     stride = max(int(COARSE / grid.step), 1)
     i, k = np.nonzero(free[::stride, ::stride])
@@ -159,7 +163,7 @@ def _best(grid: Grid, free: BoolArray, measure: Measure) -> tuple[FloatArray, fl
     reach = stride * grid.step
     for _ in range(REFINEMENTS):
         around = best + reach * offsets
-        around = around[_in_free_cell(grid, free, around)]
+        around = around[_lie_in_free_cells(grid, free, around)]
         values = measure(around)
         if values.max(initial=-np.inf) > value:
             best, value = around[values.argmax()], float(values.max())
@@ -168,7 +172,7 @@ def _best(grid: Grid, free: BoolArray, measure: Measure) -> tuple[FloatArray, fl
     return best, value
 
 
-def _in_free_cell(grid: Grid, free: BoolArray, poses: FloatArray) -> BoolArray:
+def _lie_in_free_cells(grid: Grid, free: BoolArray, poses: FloatArray) -> BoolArray:
     """Whether poses lie in admissible cells whose neighbours are admissible too."""
     i = np.round((poses[:, 0] - grid.x[0]) / grid.step).astype(int)
     k = np.round((poses[:, 2] - grid.z[0]) / grid.step).astype(int)

@@ -13,7 +13,7 @@ from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.workspace.constraints import Constraints
 from duoglide.kinematics.workspace.grid import Grid
-from duoglide.kinematics.workspace.rectangles import Mask, Rectangle, refined
+from duoglide.kinematics.workspace.rectangles import Mask, Rectangle, refine_rectangle
 from duoglide.machine import Geometry
 
 Span: TypeAlias = tuple[FloatArray, FloatArray]  # from, to
@@ -63,12 +63,12 @@ def along_rails(
     """
     g = geometry
     cx, base, xb, zb, *_ = Plane.of(g)
-    arm = _others(g.arm_length, _magnitudes(x[0] - cx, x[1] - cx))
+    arm = _bound_other_sides(g.arm_length, _bound_magnitudes(x[0] - cx, x[1] - cx))
     low, high = arm if mode.v > 0 else (-arm[1], -arm[0])
-    p = _others(g.leg_length, _magnitudes(z[0] - base - high, z[1] - base - low))
-    across = _magnitudes(x[0] - xb, x[1] - xb)
-    up = _magnitudes(z[0] - zb, z[1] - zb)
-    q = _others(g.strut_length, (np.hypot(across[0], up[0]), np.hypot(across[1], up[1])))
+    p = _bound_other_sides(g.leg_length, _bound_magnitudes(z[0] - base - high, z[1] - base - low))
+    across = _bound_magnitudes(x[0] - xb, x[1] - xb)
+    up = _bound_magnitudes(z[0] - zb, z[1] - zb)
+    q = _bound_other_sides(g.strut_length, (np.hypot(across[0], up[0]), np.hypot(across[1], up[1])))
     half = 0.5 * g.coupler_length
     ends = [
         (shift + np.minimum(w * s[0], w * s[1]), shift + np.maximum(w * s[0], w * s[1]))
@@ -79,13 +79,13 @@ def along_rails(
     return -travel - least, travel - greatest
 
 
-def _magnitudes(low: FloatArray, high: FloatArray) -> Span:
+def _bound_magnitudes(low: FloatArray, high: FloatArray) -> Span:
     """Return the least and the greatest magnitude between two numbers."""
     least = np.where(low * high <= 0.0, 0.0, np.minimum(np.abs(low), np.abs(high)))
     return least, np.maximum(np.abs(low), np.abs(high))
 
 
-def _others(hypotenuse: float, sides: Span) -> Span:
+def _bound_other_sides(hypotenuse: float, sides: Span) -> Span:
     """Return the least and greatest other side of right triangles."""
     least, greatest = sides
     return (
@@ -114,18 +114,18 @@ def largest_cuboid(
         mode: Which of the inverse solutions.
     """
     travel = constraints.travel
-    start, step = _best_of_grid(geometry, grid, travel, mode)
+    start, step = _choose_of_grid(geometry, grid, travel, mode)
 
     def choose(widest: Rectangle) -> tuple[float, Rectangle]:
-        return _best_part(geometry, travel, widest, mode)
+        return _choose_part(geometry, travel, widest, mode)
 
-    best = refined(start, free, step, choose)
+    best = refine_rectangle(start, free, step, choose)
     (x0, z0), (x1, z1) = best.low, best.high
-    low, high = along_rails(geometry, travel, _span(x0, x1), _span(z0, z1), mode)
+    low, high = along_rails(geometry, travel, _measure_span(x0, x1), _measure_span(z0, z1), mode)
     return Cuboid((x0, float(low), z0), (x1, float(high), z1))
 
 
-def _best_part(
+def _choose_part(
     geometry: Geometry, travel: float, widest: Rectangle, mode: WorkingMode
 ) -> tuple[float, Rectangle]:
     """Choose left and right sides: a narrower box may be longer along y. Ever finer grids."""
@@ -135,7 +135,7 @@ def _best_part(
     for _ in range(ZOOMS):
         ends = (np.linspace(lower[i], upper[i], SIDES) for i in (0, 1))
         left, right = np.meshgrid(*ends, indexing="ij")
-        low, high = along_rails(geometry, travel, (left, right), _span(z0, z1), mode)
+        low, high = along_rails(geometry, travel, (left, right), _measure_span(z0, z1), mode)
         volume = np.maximum(right - left, 0.0) * np.maximum(high - low, 0.0) * (z1 - z0)
         at = int(volume.argmax())
         sides = np.array([left.flat[at], right.flat[at]])
@@ -144,22 +144,22 @@ def _best_part(
     return float(volume.flat[at]), Rectangle((float(sides[0]), z0), (float(sides[1]), z1))
 
 
-def endless(rectangle: Rectangle) -> Cuboid:
+def make_endless(rectangle: Rectangle) -> Cuboid:
     """Return the box over a rectangle on rails without an end."""
     (x0, z0), (x1, z1) = rectangle.low, rectangle.high
     return Cuboid((x0, -inf, z0), (x1, inf, z1))
 
 
-def _span(low: float, high: float) -> Span:
+def _measure_span(low: float, high: float) -> Span:
     return np.array(low), np.array(high)
 
 
-def _best_of_grid(
+def _choose_of_grid(
     geometry: Geometry, grid: Grid, travel: float, mode: WorkingMode
 ) -> tuple[Rectangle, float]:
     """Look at every rectangle of whole cells of a coarse grid; return the best, and their side."""
     stride = max(-(-max(grid.lines.mask.shape) // CELLS), 1)
-    mask: BoolArray = _coarse(grid.lines.mask, stride)
+    mask: BoolArray = _coarsen(grid.lines.mask, stride)
     if not mask.any():
         stride, mask = 1, grid.lines.mask
     side = stride * grid.step
@@ -184,15 +184,15 @@ def _best_of_grid(
             best, corners = float(volume[at]), (i0, i0 + 1 + i[at], k0[j[at]], k1[j[at]])
     x0, x1, z0, z1 = corners
     low_corner, high_corner = (edge_x[x0], edge_z[z0]), (edge_x[x1], edge_z[z1])
-    return Rectangle(_plain(low_corner), _plain(high_corner)), side
+    return Rectangle(_make_plain(low_corner), _make_plain(high_corner)), side
 
 
-def _coarse(mask: BoolArray, stride: int) -> BoolArray:
+def _coarsen(mask: BoolArray, stride: int) -> BoolArray:
     """Return which blocks of ``stride`` by ``stride`` cells are free throughout."""
     nx, nz = (size // stride for size in mask.shape)
     blocks = mask[: nx * stride, : nz * stride].reshape(nx, stride, nz, stride)
     return np.asarray(blocks.all(axis=(1, 3)))
 
 
-def _plain(corner: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
+def _make_plain(corner: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
     return float(corner[0]), float(corner[1])

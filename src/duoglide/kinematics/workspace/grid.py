@@ -65,13 +65,13 @@ def grid_over_reach(
         raise InputError(f"step = {step}: must be above 0 [mm]")
     g = geometry
     cx, base, xb, zb, *_ = Plane.of(g)
-    x = _centres(
+    x = _place_centres(
         max(cx - g.arm_length, xb - g.strut_length),
         min(cx + g.arm_length, xb + g.strut_length),
         step,
     )
     lowest, highest = sorted((base, base + mode.v * g.arm_length))
-    z = _centres(
+    z = _place_centres(
         max(lowest, zb - g.strut_length),
         min(highest + g.leg_length, zb + g.strut_length),
         step,
@@ -91,7 +91,7 @@ def count_poses(grid: Grid, y: FloatArray) -> int:
     return sum(int(np.count_nonzero((low <= at) & (at <= high))) for at in y)
 
 
-def _centres(low: float, high: float, step: float) -> FloatArray:
+def _place_centres(low: float, high: float, step: float) -> FloatArray:
     """Return centres of cells of ``step`` that cover the interval, symmetric about its middle."""
     count = max(int(np.ceil((high - low) / step)), 1)
     middle = 0.5 * (low + high)

@@ -32,12 +32,12 @@ def interference_gap(
     """
     at = joints(geometry, position, mode)
     gap = np.full(position.shape[:-1], np.inf)
-    for first, second in _pairs(geometry):
-        gap = np.minimum(gap, _segment_distance(*(at[n] for n in (*LINKS[first], *LINKS[second]))))
+    for first, second in _list_pairs(geometry):
+        gap = np.minimum(gap, _measure_distance(*(at[n] for n in (*LINKS[first], *LINKS[second]))))
     return gap
 
 
-def _pairs(g: Geometry) -> list[tuple[str, str]]:
+def _list_pairs(g: Geometry) -> list[tuple[str, str]]:
     """Return pairs of links with a length that do not meet in a joint."""
     zero = {"riser": g.riser_height, "arm drop": g.arm_drop, "strut drop": g.strut_drop}
     shape = [name for name in LINKS if abs(zero.get(name, 1.0)) > TOUCHING]
@@ -58,7 +58,7 @@ def _pairs(g: Geometry) -> list[tuple[str, str]]:
     ]
 
 
-def _segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+def _measure_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
     """Return the distance between segments ab and cd, each of shape (..., 3).
 
     The unconstrained optimum is clamped to one segment, then the other, then the first again, which

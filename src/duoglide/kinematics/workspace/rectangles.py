@@ -60,7 +60,7 @@ def largest_rectangle(grid: Grid, mask: BoolArray) -> Rectangle:
         depth = np.where(row, depth + 1, 0)
         if depth.max() * mask.shape[1] <= best:
             continue
-        area, width, start, end = _under_histogram(depth.tolist())
+        area, width, start, end = _search_histogram(depth.tolist())
         if area > best:
             best, corner = area, (i - width + 1, i, start, end)
     i0, i1, k0, k1 = corner
@@ -71,12 +71,14 @@ def largest_rectangle(grid: Grid, mask: BoolArray) -> Rectangle:
     )
 
 
-def whole(rectangle: Rectangle) -> tuple[float, Rectangle]:
+def take_whole(rectangle: Rectangle) -> tuple[float, Rectangle]:
     """Take all of a rectangle for its area."""
     return rectangle.area, rectangle
 
 
-def refined(rectangle: Rectangle, free: Mask, step: float, choose: Choice = whole) -> Rectangle:
+def refine_rectangle(
+    rectangle: Rectangle, free: Mask, step: float, choose: Choice = take_whole
+) -> Rectangle:
     """Move the sides of a rectangle to the best place off the grid.
 
     Bottom and top are optimised by the simplex method; between them it is as wide as is free.
@@ -152,7 +154,7 @@ class Sides:
         return max(left, before.max(initial=-np.inf)), min(right, after.min(initial=np.inf))
 
 
-def _under_histogram(heights: list[int]) -> tuple[int, int, int, int]:
+def _search_histogram(heights: list[int]) -> tuple[int, int, int, int]:
     """Find the largest rectangle under a histogram, in one pass with a stack of rising bars.
 
     Returns:

@@ -101,11 +101,11 @@ def section(
         mode: Which of the inverse solutions, on its side m = +1.
     """
     limits = constraints or Constraints()
-    bounds = _bounds(geometry, limits, y, mode)
+    bounds = _find_levels(geometry, limits, y, mode)
     if bounds is None:
         return Section(())
     k = pose_constants(geometry, mode)
-    order = _Order(_curves(geometry, bounds, mode.v), bounds, k, limits.beyond_case_2)
+    order = _Order(_collect_curves(geometry, bounds, mode.v), bounds, k, limits.beyond_case_2)
     middle, reach = k.cx, k.l6
     x = np.unique(np.append(np.linspace(middle - reach, middle + reach, SAMPLES), middle))
     breaks = np.concatenate([x[:1], _find_changes(order, x), x[-1:]])
@@ -142,19 +142,19 @@ def volume(
     def area(y: float) -> float:
         return section(geometry, constraints, y, mode).area
 
-    low, high = _support(geometry, constraints, mode)
+    low, high = _find_support(geometry, constraints, mode)
     return float(quad(area, low, high, epsrel=tolerance, epsabs=0.0)[0]) if high > low else 0.0
 
 
-def _support(g: Geometry, c: Constraints, mode: WorkingMode) -> tuple[float, float]:
+def _find_support(g: Geometry, c: Constraints, mode: WorkingMode) -> tuple[float, float]:
     """Return the y between which the rails leave anything [mm]."""
     y = np.linspace(-c.travel, c.travel, 2001)
-    open_ = [at for at in y.tolist() if _bounds(g, c, at, mode) is not None]
+    open_ = [at for at in y.tolist() if _find_levels(g, c, at, mode) is not None]
     spacing = float(y[1] - y[0])
     return (open_[0] - spacing, open_[-1] + spacing) if open_ else (0.0, 0.0)
 
 
-def _bounds(g: Geometry, c: Constraints, y: float, mode: WorkingMode) -> _Bounds | None:
+def _find_levels(g: Geometry, c: Constraints, y: float, mode: WorkingMode) -> _Bounds | None:
     """Turn travel and carriage width into levels of h and of the strut's projection."""
     half = g.coupler_length / 2.0
     p_low, p_high = 0.0, g.leg_length
@@ -174,17 +174,17 @@ def _bounds(g: Geometry, c: Constraints, y: float, mode: WorkingMode) -> _Bounds
     if p_low >= p_high or q_low >= q_high:
         return None
     return _Bounds(
-        rise=(_other_side(g.leg_length, p_high), _other_side(g.leg_length, p_low)),
-        radius=(_other_side(g.strut_length, q_high), _other_side(g.strut_length, q_low)),
+        rise=(_find_other_side(g.leg_length, p_high), _find_other_side(g.leg_length, p_low)),
+        radius=(_find_other_side(g.strut_length, q_high), _find_other_side(g.strut_length, q_low)),
     )
 
 
-def _other_side(hypotenuse: float, side: float) -> float:
+def _find_other_side(hypotenuse: float, side: float) -> float:
     """Return the other side of a right triangle."""
     return sqrt((hypotenuse - side) * (hypotenuse + side))
 
 
-def _curves(g: Geometry, bounds: _Bounds, v: int) -> tuple[Curve, ...]:
+def _collect_curves(g: Geometry, bounds: _Bounds, v: int) -> tuple[Curve, ...]:
     """Return every curve that may bound the region."""
     strut = [
         Curve(g, kind, radius, v)

@@ -23,7 +23,7 @@ def power_tables(count: int) -> tuple[Any, FloatArray]:
     return np.maximum(k - order, 0), factors
 
 
-def powers_of(base: FloatArray, count: int) -> FloatArray:
+def raise_powers(base: FloatArray, count: int) -> FloatArray:
     """Return base^0 to base^(count - 1), shape (..., count)."""
     powers = np.empty((*base.shape, count))
     powers[..., 0] = 1.0
@@ -31,14 +31,14 @@ def powers_of(base: FloatArray, count: int) -> FloatArray:
     return np.multiply.accumulate(powers, axis=-1, out=powers)
 
 
-def integral(
+def integrate_length(
     rows: FloatArray, span: FloatArray, rate: FloatArray, end: FloatArray, panels: int
 ) -> FloatArray:
     """Integrate |p'| of pieces from s = 0 to ``end`` by Gauss-Legendre, shape (n,)."""
     nodes = ((np.arange(panels)[:, None] + 0.5 * (1.0 + _NODES)) / panels).ravel()
     u = (end / span)[:, None] * nodes
     degree = rows.shape[1] - 1
-    slope = powers_of(u, degree) @ (rows[:, 1:] * np.arange(1.0, degree + 1.0)[:, None])
+    slope = raise_powers(u, degree) @ (rows[:, 1:] * np.arange(1.0, degree + 1.0)[:, None])
     turning = rate > 0.0
     if turning.any():
         turned, c = (rate * span)[turning, None, None], rows[turning, :, None]

@@ -29,15 +29,15 @@ class CurveBounds:
     third: FloatArray
 
 
-def curve_bounds(curve: Curve) -> CurveBounds:
+def bound_curve(curve: Curve) -> CurveBounds:
     """Bound the derivatives of every piece: by Bernstein coefficients, or by an arc's radius.
 
     A helix adds its constant advance to the first derivative.
     """
-    return CurveBounds(*derivative_bounds(curve, 3))
+    return CurveBounds(*bound_derivatives(curve, 3))
 
 
-def derivative_bounds(curve: Curve, highest: int) -> list[FloatArray]:
+def bound_derivatives(curve: Curve, highest: int) -> list[FloatArray]:
     """Bound the derivatives 1 to ``highest`` of every piece, (n, 3) each [mm per mm^order]."""
     bounds = []
     powers = curve.coefficients

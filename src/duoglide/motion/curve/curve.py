@@ -19,12 +19,12 @@ import numpy as np
 from duoglide.arrays import BoolArray, FloatArray, as_floats, read_only
 from duoglide.errors import InputError
 from duoglide.kinematics.kernels import in_numpy
-from duoglide.motion.curve._pieces import DERIVATIVES, integral, power_tables, powers_of
-from duoglide.motion.curve.jets import arc_jet, polynomial_jet
+from duoglide.motion.curve._pieces import DERIVATIVES, integrate_length, power_tables, raise_powers
+from duoglide.motion.curve.jets import evaluate_arc, evaluate_polynomial
 
 _PANELS = 64  # at most, where |p'| nearly vanishes
 _LENGTH_ERROR = 1e-9  # [mm] of arc length, per piece
-_arc_columns = in_numpy(arc_jet)
+_arc_columns = in_numpy(evaluate_arc)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +150,9 @@ class Curve:
         inverse = 1.0 / self.spans[index]
         c = self.coefficients[index]
         lowered, factors = power_tables(c.shape[1])
-        powers = powers_of(local * inverse, c.shape[1])
+        powers = raise_powers(local * inverse, c.shape[1])
         result: FloatArray = (powers[:, lowered] * factors) @ c
-        result *= powers_of(inverse, DERIVATIVES)[..., None]
+        result *= raise_powers(inverse, DERIVATIVES)[..., None]
         return result
 
     def _arcs(self, local: FloatArray, index: Any) -> FloatArray:
@@ -169,8 +169,8 @@ class Curve:
         local, span, rate = sigma - breaks[index], spans[index], rates[index]
         axes = self.coefficients[index].T.tolist()
         if rate > 0.0:
-            return np.array([arc_jet(c, local, span, rate) for c in axes]).T
-        return np.array([polynomial_jet(c, local, span) for c in axes]).T
+            return np.array([evaluate_arc(c, local, span, rate) for c in axes]).T
+        return np.array([evaluate_polynomial(c, local, span) for c in axes]).T
 
     def position(self, sigma: float | FloatArray) -> FloatArray:
         """Return the position at ``sigma`` [mm], shape (..., 3)."""
@@ -179,7 +179,7 @@ class Curve:
         values = np.minimum(np.maximum(np.asarray(sigma, dtype=np.float64), 0.0), self.end)
         index = self.piece_at(values)
         c = self.coefficients[index]
-        powers = powers_of((values - self.breaks[index]) / self.spans[index], c.shape[-2])
+        powers = raise_powers((values - self.breaks[index]) / self.spans[index], c.shape[-2])
         found: FloatArray = (powers[..., None, :] @ c)[..., 0, :]
         return found
 
@@ -208,10 +208,10 @@ class Curve:
         """Integrate |p'| over the first ``local`` mm of sigma of pieces."""
         span, rate, rows = self.spans[index], self.rates[index], self.coefficients[index]
         panels, going = 2, np.arange(local.size)
-        total = integral(rows, span, rate, local, panels)
+        total = integrate_length(rows, span, rate, local, panels)
         while going.size and panels < _PANELS:
             panels *= 2
-            finer = integral(rows[going], span[going], rate[going], local[going], panels)
+            finer = integrate_length(rows[going], span[going], rate[going], local[going], panels)
             change = np.abs(finer - total[going])
             total[going] = finer
             going = going[change > _LENGTH_ERROR]

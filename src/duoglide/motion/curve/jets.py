@@ -10,7 +10,7 @@ from math import cos, sin
 from typing import Any
 
 
-def polynomial_jet(c: Any, local: float, span: float) -> tuple[float, float, float, float]:
+def evaluate_polynomial(c: Any, local: float, span: float) -> tuple[float, float, float, float]:
     """Evaluate sum of c_k u^k with u = local / span, and three derivatives by ``local``."""
     u = local / span
     w = 1.0 / span
@@ -23,7 +23,7 @@ def polynomial_jet(c: Any, local: float, span: float) -> tuple[float, float, flo
     return p, d1 * w, d2 * (2.0 * w * w), d3 * (6.0 * w * w * w)
 
 
-def arc_jet(c: Any, local: Any, span: Any, rate: Any) -> tuple[Any, Any, Any, Any]:
+def evaluate_arc(c: Any, local: Any, span: Any, rate: Any) -> tuple[Any, Any, Any, Any]:
     """Evaluate c_0 + c_1 (cos(w s) - 1) + c_2 sin(w s) + c_3 s / span, and three derivatives.
 
     Args:

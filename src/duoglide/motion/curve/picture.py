@@ -13,6 +13,7 @@ from duoglide.arrays import FloatArray
 from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
 from duoglide.drawing.section import draw_section
 from duoglide.errors import PathError
+from duoglide.kinematics.carriage_margin import carriage_margin
 from duoglide.kinematics.model import reachable
 from duoglide.kinematics.singularity.margins import clearance
 from duoglide.machine import Machine
@@ -44,7 +45,7 @@ def plot_curve(
         halts: Where something is done on the way [mm], shape (m, 3).
         size: Width and height [inch].
     """
-    points = _points_of(curve)
+    points = _sample_points(curve)
     with drawn(size) as figure:
         views: dict[str, Axes] = figure.subplot_mosaic(
             [["side", "front"], ["top", "."]], width_ratios=(2.0, 1.0)
@@ -73,41 +74,54 @@ def plot_in_machine(
         size: Width and height [inch].
         refusal: Why the machine cannot follow it.
     """
-    points = _points_of(curve)
+    points = _sample_points(curve)
     failure = np.array(refusal.position) if refusal is not None and refusal.position else None
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     within = reachable(machine.geometry, points)
-    room = np.full(len(points), np.nan)
+    room, loose = np.full((2, len(points)), np.nan)
     room[within] = clearance(machine.geometry, points[within])
+    loose[within] = carriage_margin(machine.geometry, points[within])
     with drawn(size) as figure:
         if refusal is not None:
             figure.suptitle(fill(str(refusal), _LETTERS), fontsize=8.0, x=0.01, ha="left")
-        views = figure.subplot_mosaic("aa;bc", height_ratios=(1.0, 1.6), width_ratios=(1.25, 1.0))
-        side, section, way = views["a"], views["b"], views["c"]
+        views = figure.subplot_mosaic(
+            "aa;bc;bd", height_ratios=(1.0, 0.8, 0.8), width_ratios=(1.25, 1.0)
+        )
+        side, section, ways = views["a"], views["b"], (views["c"], views["d"])
         _draw_view(side, points, points[[0, -1]], (1, 2), "From the side")
         draw_section(section, machine, points)
         section.plot(points[:, 0], points[:, 2], color=COLOURS[1], linewidth=2.0)
         section.plot(*points[[0, -1]][:, ::2].T, ".", color=COLOURS[1], markersize=6.0)
-        way.plot(along, room, color=COLOURS[0])
-        way.axhline(machine.clearance, color=LIMIT, linestyle="--", linewidth=1.0)
-        way.annotate(
-            "needed", (along[-1], machine.clearance), (0.0, 2.0), ha="right", color=LIMIT,
-            textcoords="offset points", fontsize=7.5,
-        )  # fmt: skip
-        way.set(title="Clearance [mm]", xlabel="along the path [mm]")
-        way.set_xlim(-0.03 * along[-1], 1.03 * along[-1])
-        way.set_ylim(0.0, 1.08 * np.nanmax(room, initial=max(machine.clearance, 1.0)))
+        _draw_needed(ways[0], along, room, machine.clearance, "Clearance [mm]")
+        _draw_needed(ways[1], along, loose, machine.carriage_margin, "Carriage margin [mm]")
+        ways[1].set_xlabel("along the path [mm]")
         if failure is not None:
             nearest = along[np.linalg.norm(points - failure, axis=1).argmin()]
             side.plot(failure[1], failure[2], "x", **_FAILURE)
             section.plot(failure[0], failure[2], "x", **_FAILURE)
-            way.axvline(nearest, color=_FAILURE["color"], linewidth=1.0)
+            for way in ways:
+                way.axvline(nearest, color=_FAILURE["color"], linewidth=1.0)
             side.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     return figure
 
 
-def _points_of(curve: Curve) -> FloatArray:
+def _draw_needed(
+    axes: Axes, along: FloatArray, values: FloatArray, needed: float, title: str
+) -> None:
+    """Draw what is left along the path, and how much of it the machine asks for."""
+    axes.plot(along, values, color=COLOURS[0])
+    axes.axhline(needed, color=LIMIT, linestyle="--", linewidth=1.0)
+    axes.annotate(
+        "needed", (along[-1], needed), (0.0, 2.0), ha="right", color=LIMIT,
+        textcoords="offset points", fontsize=7.5,
+    )  # fmt: skip
+    axes.set_title(title)
+    axes.set_xlim(-0.03 * along[-1], 1.03 * along[-1])
+    axes.set_ylim(0.0, 1.08 * np.nanmax(values, initial=max(needed, 1.0)))
+
+
+def _sample_points(curve: Curve) -> FloatArray:
     """Return positions along a curve [mm], shape (n, 3); the ends of its pieces are among them."""
     sigma = np.unique(np.concatenate([np.linspace(0.0, curve.end, _SAMPLES), curve.breaks]))
     return curve.derivatives(sigma)[:, 0]

@@ -31,7 +31,7 @@ class SetOutput:
         _require_line(self.axis, self.bit, self.value)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields and the type, for ``action_from_dict``."""
+        """Return the fields and the type, for ``read_action``."""
         return {"type": "set_output", **asdict(self)}
 
 
@@ -53,10 +53,10 @@ class WaitInput:
 
     def __post_init__(self) -> None:
         _require_line(self.axis, self.bit, self.value)
-        object.__setattr__(self, "timeout", _positive(self.timeout, "timeout"))
+        object.__setattr__(self, "timeout", _require_positive(self.timeout, "timeout"))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields and the type, for ``action_from_dict``."""
+        """Return the fields and the type, for ``read_action``."""
         return {"type": "wait_input", **asdict(self)}
 
 
@@ -71,10 +71,10 @@ class Dwell:
     seconds: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "seconds", _positive(self.seconds, "dwell"))
+        object.__setattr__(self, "seconds", _require_positive(self.seconds, "dwell"))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields and the type, for ``action_from_dict``."""
+        """Return the fields and the type, for ``read_action``."""
         return {"type": "dwell", **asdict(self)}
 
 
@@ -104,7 +104,7 @@ def require_action(action: object, waypoint: int, last: int) -> None:
         raise InputError(f"at waypoint {waypoint}: {action!r:.80} is not an action")
 
 
-def action_from_dict(table: Mapping[str, Any]) -> Action:
+def read_action(table: Mapping[str, Any]) -> Action:
     """Build an action from what an action's ``to_dict`` gave, or from a program file's table.
 
     Raises:
@@ -130,7 +130,7 @@ def _require_line(axis: object, bit: object, value: object) -> None:
         raise InputError(f"value = {value!r:.80}: must be true or false")
 
 
-def _positive(value: object, name: str) -> float:
+def _require_positive(value: object, name: str) -> float:
     number = as_number(value, f"{name} [s]")
     if number <= 0.0:
         raise InputError(f"{name} = {number:g} s: must be above 0")

@@ -10,7 +10,7 @@ from duoglide.errors import DuoglideError, InputError
 from duoglide.kinematics.singularity.margins import FAMILIES
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
-from duoglide.motion.path.actions import Action, action_from_dict
+from duoglide.motion.path.actions import Action, read_action
 from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.path.segments import Point, show
@@ -160,7 +160,7 @@ class CheckedPath:
                 curve=Curve.from_dict(table["curve"]),
                 report=CheckReport(tuple(least)),
                 waypoints=tuple(table["waypoints"]),
-                actions=tuple((float(s), action_from_dict(a)) for s, a in table["actions"]),
+                actions=tuple((float(s), read_action(a)) for s, a in table["actions"]),
                 speed_caps=tuple(SpeedCap(*row) for row in table["speed_caps"]),
             )
         except DuoglideError:

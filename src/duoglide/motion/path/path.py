@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray, as_number, as_triples
 from duoglide.errors import InputError, PathError
-from duoglide.motion.path.actions import Action, action_from_dict, needs_rest, require_action
+from duoglide.motion.path.actions import Action, needs_rest, read_action, require_action
 from duoglide.motion.path.segments import (
     COINCIDENT,
     Arc,
@@ -27,12 +27,12 @@ from duoglide.motion.path.segments import (
     Spline,
     as_point,
     as_speed,
+    describe_segment,
     distance,
     merge_coincident,
+    read_segment,
     require_apart,
     reverse_segment,
-    segment_from_dict,
-    segment_to_dict,
     show,
 )
 from duoglide.motion.rounding.blend import Blend, Corner, as_corner, turn_corner
@@ -290,7 +290,7 @@ class Path:
         """Return plain values, from which ``from_dict`` builds this very path."""
         corners = [c.to_dict() if isinstance(c, Blend) else c for c in self.corners]
         return {
-            "segments": [segment_to_dict(segment) for segment in self.segments],
+            "segments": [describe_segment(segment) for segment in self.segments],
             "corners": corners,
             "actions": [[i, action.to_dict()] for i, action in self.actions],
             "tool_speed": self.tool_speed,
@@ -307,9 +307,9 @@ class Path:
         try:
             corners = [Blend(**c) if isinstance(c, Mapping) else c for c in table["corners"]]
             return cls(
-                segments=tuple(segment_from_dict(segment) for segment in table["segments"]),
+                segments=tuple(read_segment(segment) for segment in table["segments"]),
                 corners=tuple(corners),
-                actions=tuple((int(i), action_from_dict(a)) for i, a in table["actions"]),
+                actions=tuple((int(i), read_action(a)) for i, a in table["actions"]),
                 tool_speed=table["tool_speed"],
                 tool_acceleration=table["tool_acceleration"],
             )
@@ -344,7 +344,7 @@ class Path:
             ("to", f"{show(self.end)} mm"),
             ("length", length),
             ("segments", f"{len(self.segments)}"),
-            ("corners", _corners_in_words(self.corners)),
+            ("corners", _describe_corners(self.corners)),
             ("actions", f"{len(self.actions)}"),
             ("tool speed", _cap_in_words(self.tool_speed, "mm/s")),
             ("tool acceleration", _cap_in_words(self.tool_acceleration, "mm/s²")),
@@ -364,7 +364,7 @@ class Path:
         return f"Path({show(self.start)} to {show(self.end)} mm, {count} segment{'s'[: count > 1]})"
 
 
-def _corners_in_words(corners: Sequence[Corner]) -> str:
+def _describe_corners(corners: Sequence[Corner]) -> str:
     blends = sum(isinstance(corner, Blend) for corner in corners)
     tolerances = [corner for corner in corners if not isinstance(corner, Blend)]
     rounded = [value for value in tolerances if value > 0.0]

@@ -204,7 +204,7 @@ class Helix:
             raise InputError(f"helix: it is only {hypot(radius * self.sweep, rise):.3g} mm long")
         x, y, z = self.axis
         error = distance(advance, (rise * x, rise * y, rise * z))
-        if error > roughness(radius) + COINCIDENT:
+        if error > measure_roughness(radius) + COINCIDENT:
             raise InputError(f"helix: the end is {error:.6g} mm off the circle")
 
     @property
@@ -287,7 +287,7 @@ def _dot(a: Point, b: Point) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def roughness(radius: float) -> float:
+def measure_roughness(radius: float) -> float:
     """Return by how much an arc's radii at both ends may differ [mm]."""
     return min(max(ROUGH, ROUGH_SHARE * radius), ROUGHEST)
 
@@ -356,7 +356,7 @@ def _reverse_helix(helix: Helix) -> Helix:
     return Helix(helix.end, helix.start, (cx, cy, cz), (-x, -y, -z), helix.sweep, helix.speed)
 
 
-def segment_to_dict(segment: Segment) -> dict[str, Any]:
+def describe_segment(segment: Segment) -> dict[str, Any]:
     """Return ``segment`` as plain values, its kind under ``"type"``."""
     if isinstance(segment, Spline):
         table: dict[str, Any] = {"type": "through", "points": segment.through.tolist()}
@@ -371,8 +371,8 @@ def segment_to_dict(segment: Segment) -> dict[str, Any]:
     return table
 
 
-def segment_from_dict(table: Mapping[str, Any]) -> Segment:
-    """Build a segment from what ``segment_to_dict`` gave.
+def read_segment(table: Mapping[str, Any]) -> Segment:
+    """Build a segment from what ``describe_segment`` gave.
 
     Raises:
         InputError: Not such a table.

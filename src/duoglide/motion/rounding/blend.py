@@ -79,7 +79,7 @@ class Blend:
         return asdict(self)
 
 
-def quintics(left: FloatArray, right: FloatArray, span: FloatArray) -> FloatArray:
+def join_quintics(left: FloatArray, right: FloatArray, span: FloatArray) -> FloatArray:
     """Join states by polynomials of degree 5.
 
     Args:
@@ -101,7 +101,7 @@ def quintics(left: FloatArray, right: FloatArray, span: FloatArray) -> FloatArra
     return coefficients
 
 
-def nearest(coefficients: FloatArray, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+def find_nearest(coefficients: FloatArray, point: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Find where polynomials pass nearest to points.
 
     Args:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.motion.curve.curve import Curve
-from duoglide.motion.rounding.blend import nearest, quintics
+from duoglide.motion.rounding.blend import find_nearest, join_quintics
 
 UNEVEN = 3.0  # the longer cut-back over the shorter, at most
 WIDEST = 0.5  # [rad] of an arc that a blend may take
@@ -103,8 +103,8 @@ def _fit(
     def deviation(cut: FloatArray, rows: IndexArray) -> FloatArray:
         a, b = np.minimum(cut, limit_a[rows]), np.minimum(cut, limit_b[rows])
         states = curve.both_sides(a, b, left[rows])
-        bends = quintics(*states, 5.0 * shape[rows] * np.minimum(a, b))
-        return nearest(bends, corner[rows])[1]
+        bends = join_quintics(*states, 5.0 * shape[rows] * np.minimum(a, b))
+        return find_nearest(bends, corner[rows])[1]
 
     low = np.zeros(goal.size)
     high = np.maximum(limit_a, limit_b)

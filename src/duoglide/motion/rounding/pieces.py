@@ -30,7 +30,7 @@ class RawPath:
     joints: np.ndarray[Any, np.dtype[np.intp]]
 
 
-def raw_path(segments: Sequence[Segment | Fitted]) -> RawPath:
+def chain_pieces(segments: Sequence[Segment | Fitted]) -> RawPath:
     """Chain the pieces of all segments."""
     counts = np.array([_count_pieces(segment) for segment in segments])
     first = np.concatenate([[0], np.cumsum(counts)])
@@ -46,7 +46,7 @@ def raw_path(segments: Sequence[Segment | Fitted]) -> RawPath:
     for i, segment in enumerate(segments):
         if not isinstance(segment, Line):
             part = slice(first[i], first[i + 1])
-            spans[part], rates[part], coefficients[part] = _rows(segment)
+            spans[part], rates[part], coefficients[part] = _make_rows(segment)
     return RawPath(Curve(spans, rates, coefficients), first[1:-1] - 1)
 
 
@@ -56,26 +56,26 @@ def _count_pieces(segment: Segment | Fitted) -> int:
     return segment.fit.spans.size if isinstance(segment, Fitted) else 1
 
 
-def _rows(segment: Segment | Fitted) -> Rows:
+def _make_rows(segment: Segment | Fitted) -> Rows:
     if isinstance(segment, Fitted):
         fit = segment.fit
         return fit.spans, np.zeros_like(fit.spans), fit.coefficients
     if isinstance(segment, Arc):
-        return _arc_rows(segment)
+        return _make_arc_rows(segment)
     if isinstance(segment, Helix):
-        return _helix_rows(segment)
+        return _make_helix_rows(segment)
     assert isinstance(segment, Spline)
-    return _spline_rows(segment.through)
+    return _make_spline_rows(segment.through)
 
 
-def _arc_rows(arc: Arc) -> Rows:
+def _make_arc_rows(arc: Arc) -> Rows:
     first, second, radius, angle = arc.circle()
     rows = np.zeros((1, _ROWS, 3))
     rows[0, :3] = arc.start, first, second
     return np.array([radius * angle]), np.array([1.0 / radius]), rows
 
 
-def _helix_rows(helix: Helix) -> Rows:
+def _make_helix_rows(helix: Helix) -> Rows:
     rows = np.zeros((1, _ROWS, 3))
     first, second, advance = helix.vectors()
     rows[0] = helix.start, first, second, advance
@@ -83,7 +83,7 @@ def _helix_rows(helix: Helix) -> Rows:
     return np.array([length]), np.array([helix.sweep / length]), rows
 
 
-def _spline_rows(points: FloatArray) -> Rows:
+def _make_spline_rows(points: FloatArray) -> Rows:
     """Natural cubic spline over chord length: tridiagonal in the second derivatives."""
     spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
     slopes = np.diff(points, axis=0) / spans[:, None]

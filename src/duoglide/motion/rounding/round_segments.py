@@ -12,10 +12,10 @@ from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import PathError
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.segments import show
-from duoglide.motion.rounding.blend import SHAPE, Blend, Corner, nearest, quintics
+from duoglide.motion.rounding.blend import SHAPE, Blend, Corner, find_nearest, join_quintics
 from duoglide.motion.rounding.course import SHARPEST, Course
 from duoglide.motion.rounding.cut_backs import Corners, cut_backs
-from duoglide.motion.rounding.pieces import RawPath, raw_path
+from duoglide.motion.rounding.pieces import RawPath, chain_pieces
 
 SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a jump needs no blend
 ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
@@ -62,7 +62,7 @@ def round_course(course: Course) -> RoundedCurve:
         PathError: Explicit blends that overlap, are longer than their segment, or stand at a
             reversal.
     """
-    raw = raw_path(course.segments)
+    raw = chain_pieces(course.segments)
     rest, rounded = _sort_corners(course.corners, course.halts, raw)
     corners = _find_corners_to_round(course.corners, raw, rounded)
     before, after = cut_backs(raw.curve, corners)
@@ -89,11 +89,11 @@ def _sort_corners(
     rounded = wanted & (cosine > SHARPEST)
     for i in np.flatnonzero(wanted & ~rounded).tolist():
         if isinstance(tolerances[i], Blend):
-            raise _reversal_error(curve, i, float(sigma[i]), float(cosine[i]))
+            raise _refuse_reversal(curve, i, float(sigma[i]), float(cosine[i]))
     return ~smooth & ~rounded, rounded
 
 
-def _reversal_error(curve: Curve, corner: int, sigma: float, cosine: float) -> PathError:
+def _refuse_reversal(curve: Curve, corner: int, sigma: float, cosine: float) -> PathError:
     turn = float(np.degrees(np.arccos(max(cosine, -1.0))))
     position = curve.position(sigma)
     return PathError(
@@ -174,7 +174,7 @@ def _assemble(
     kept = _trim(curve, skip, spans)
     states = curve.both_sides(before, after, left)
     bend_spans = 5.0 * corners.shape * np.minimum(before, after)
-    bends = quintics(*states, bend_spans)
+    bends = join_quintics(*states, bend_spans)
     order = np.argsort(np.concatenate([np.arange(curve.count) * 2, left * 2 + 1]))
     all_spans = np.concatenate([spans, bend_spans])[order]
     ends = np.cumsum(all_spans)
@@ -189,7 +189,7 @@ def _assemble(
     whole = Curve(all_spans[keep], rates, chain, tuple(rests[rests < ends[-1]].tolist()))
     waypoints = np.concatenate([[0.0], joints, [whole.end]])
     corner_points = curve.position(curve.breaks[left + 1])
-    u, deviations = nearest(bends, corner_points)
+    u, deviations = find_nearest(bends, corner_points)
     waypoints[corners.waypoint] += u * bend_spans
     table = np.zeros((4, waypoints.size))
     table[:, corners.waypoint] = before, after, corners.shape, deviations

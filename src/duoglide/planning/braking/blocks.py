@@ -15,13 +15,31 @@ from duoglide.planning.braking.kernel import PARTS, spread
 
 IndexArray: TypeAlias = NDArray[np.intp]
 
-WIDTH = 1.0 / 80.0  # of a column of D, as a share of a leg's length
-_FINEST = 1.0 / 16.0  # of the reaction time: cells of the plan are cut no shorter
-_USUAL = 1.0 / 8.0  # the same, to begin with
-_LONG = 1.0  # columns that a carriage may pass in one cell of the plan, to begin with
-_SHORT = 0.02  # columns: cells in which no carriage goes farther are not cut
-_HALVINGS = 6  # by which cells of slow parts are longer than that, at most, in a short plan
-_TILES = 1000  # parts of a plan whose cells are equally long, about, in a long one
+
+class _Cells(NamedTuple):
+    """How finely a plan is cut into cells, and the plane of D into columns.
+
+    Attributes:
+        column: Width of a column of D, as a share of a leg's length.
+        finest: Shortest cell, as a share of the reaction time.
+        usual: Cell to begin with where the plan is fast, as a share of the reaction time.
+        passed: Columns that a carriage may pass in one cell, to begin with.
+        still: Columns: cells in which no carriage goes farther are not cut.
+        halvings: By which cells of slow parts are longer than that, at most, in a short
+            plan.
+        tiles: Parts of a long plan whose cells are equally long, about.
+    """
+
+    column: float = 1.0 / 80.0
+    finest: float = 1.0 / 16.0
+    usual: float = 1.0 / 8.0
+    passed: float = 1.0
+    still: float = 0.0005
+    halvings: int = 6
+    tiles: int = 1000
+
+
+_CELLS = _Cells()
 
 
 class Brakes(NamedTuple):
@@ -49,7 +67,7 @@ class Brakes(NamedTuple):
     @property
     def step(self) -> float:
         """How long a cell of the plan is, to begin with, where it is fast [s]."""
-        return max(self.reaction, self.coast) * _USUAL
+        return max(self.reaction, self.coast) * _CELLS.usual
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +80,8 @@ class Footprint:
         machine: Whose carriages.
         smin: Least S in each column of D of each block [mm], shape (n, k); inf where none is.
         smax: Largest S, likewise; -inf where none is.
+        left: Least D in each column, inf where none is.
+        right: Largest D, likewise; -inf where none is.
         farthest: How far a carriage may be from the middle of its rail [mm], shape (n,).
         nearest: Least D [mm], shape (n,); -inf where the links cannot reach.
     """
@@ -69,6 +89,8 @@ class Footprint:
     machine: Machine
     smin: FloatArray
     smax: FloatArray
+    left: FloatArray
+    right: FloatArray
     farthest: FloatArray
     nearest: FloatArray
 
@@ -77,8 +99,15 @@ class Footprint:
         """Return a footprint of blocks in which nothing is yet."""
         columns = int(np.ceil(4.0 * machine.geometry.leg_length / column_width(machine)))
         shape = count, columns
-        ends = np.full(count, -np.inf), np.full(count, np.inf)
-        return cls(machine, np.full(shape, np.inf), np.full(shape, -np.inf), *ends)
+        return cls(
+            machine,
+            smin=np.full(shape, np.inf),
+            smax=np.full(shape, -np.inf),
+            left=np.full(shape, np.inf),
+            right=np.full(shape, -np.inf),
+            farthest=np.full(count, -np.inf),
+            nearest=np.full(count, np.inf),
+        )
 
     def __len__(self) -> int:
         return len(self.nearest)
@@ -101,18 +130,20 @@ class Footprint:
 
     def merged(self) -> Footprint:
         """Return the footprint of all blocks in one."""
-        ends = self.farthest.max(keepdims=True), self.nearest.min(keepdims=True)
         return Footprint(
             self.machine,
             self.smin.min(axis=0, keepdims=True),
             self.smax.max(axis=0, keepdims=True),
-            *ends,
+            self.left.min(axis=0, keepdims=True),
+            self.right.max(axis=0, keepdims=True),
+            self.farthest.max(keepdims=True),
+            self.nearest.min(keepdims=True),
         )
 
 
 def column_width(machine: Machine) -> float:
     """Return the width of a column of D [mm]."""
-    return WIDTH * machine.geometry.leg_length
+    return _CELLS.column * machine.geometry.leg_length
 
 
 def lowest_column(machine: Machine) -> float:
@@ -140,8 +171,11 @@ class Blocks:
     def cover(cls, bounds: CarriageBounds) -> Blocks:
         """Cover a plan, with longer cells where it is slow."""
         motion, brakes = bounds.motion, Brakes.of(bounds.motion.machine)
-        finest, size = brakes.step, _LONG * column_width(motion.machine)
-        most = max(_HALVINGS, int(np.log2(max(motion.duration / (finest * PARTS * _TILES), 1.0))))
+        finest, size = brakes.step, _CELLS.passed * column_width(motion.machine)
+        most = max(
+            _CELLS.halvings,
+            int(np.log2(max(motion.duration / (finest * PARTS * _CELLS.tiles), 1.0))),
+        )
         long = finest * PARTS * 2**most
         tiles = np.arange(max(int(np.ceil(motion.duration / long * (1.0 - 1e-12))), 1)) * long
         times = tiles[:, None] + long * np.linspace(0.0, 1.0, 65)
@@ -174,8 +208,8 @@ class Blocks:
         brakes = Brakes.of(motion.machine)
         times = self.start[:, None] + PARTS * self.step[:, None] * np.linspace(0.0, 1.0, 5)
         speed = np.abs(motion.at(np.minimum(times, motion.duration)).velocity).max(axis=(1, 2))
-        finest = max(brakes.reaction, brakes.coast) * _FINEST
-        long = self.step * speed > _SHORT * column_width(motion.machine)
+        finest = max(brakes.reaction, brakes.coast) * _CELLS.finest
+        long = self.step * speed > _CELLS.still * column_width(motion.machine)
         return np.asarray((self.step > 1.5 * finest) & long)
 
     def cut(self) -> Blocks:
@@ -228,7 +262,7 @@ class Blocks:
         out = Footprint.empty(machine, len(self))
         boxes = np.full((len(self), with_boxes * PARTS * int(rows.max()), 3, 2), np.nan)
         columns = lowest_column(machine), column_width(machine)
-        arrays = out.smin, out.smax, out.farthest, out.nearest, boxes
+        arrays = out.smin, out.smax, out.left, out.right, out.farthest, out.nearest, boxes
         spread((first, step, rows), plan, tuple(brakes), columns, arrays)
         return out, boxes
 

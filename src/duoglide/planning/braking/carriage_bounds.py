@@ -22,7 +22,7 @@ from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.derivatives import root_bounds
 from duoglide.kinematics.headroom.nearby import with_pairs
 from duoglide.kinematics.modes import WORKING
-from duoglide.motion.curve.bounds import bernstein, curve_bounds
+from duoglide.motion.curve.bounds import bernstein, bound_curve
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
@@ -56,7 +56,7 @@ class CarriageBounds:
         if isinstance(path, TransferPath):
             curve, breaks = bound_transfer(path), path.breaks
         else:
-            bounds = curve_bounds(path.curve)
+            bounds = bound_curve(path.curve)
             curve, breaks = (bounds.first, bounds.second, bounds.third), path.curve.breaks
         return cls(motion, curve, breaks, _bound_profile(motion.profile))
 

@@ -4,7 +4,8 @@ A drive that faults, or loses its host, leaves the plan and brakes at its own de
 within ``drives.quick_stop_tolerance``), at once or after it has gone on for a cycle at its last
 velocity, as it does where a setpoint is missing. The others go on along the plan until they react,
 each at a time of its own within ``machine.reaction_cycles``. The platform leaves its path, and
-wherever it goes the machine's clearance, travel, order and keep-out boxes must be kept.
+wherever it goes the machine's clearance, carriage margin, travel, order and keep-out boxes must be
+kept.
 
 The report is a certificate: every subset of the drives, all times and all decelerations between
 their bounds are covered, and nothing rests on samples. In each cell of (instant at which the first
@@ -27,6 +28,7 @@ from duoglide.motion.motion import Motion
 from duoglide.planning.braking.blocks import Blocks, Footprint
 from duoglide.planning.braking.carriage_bounds import CarriageBounds
 from duoglide.planning.braking.keep_out import keep_out_of
+from duoglide.planning.braking.margin import margin_of
 from duoglide.planning.braking.outline import clearance_of
 
 ALLOWED = 1e-3  # mm that rounding and bounding may take from what the machine asks for
@@ -40,8 +42,8 @@ class BrakeReport:
     Attributes:
         clearance: Least distance to a singular surface or edge of reach while braking [mm]: a lower
             bound, certain between samples too; -inf where the links may come apart.
-        room: Least of what is left of clearance, travel, order and keep-out distance [mm], a lower
-            bound as well.
+        room: Least of what is left of clearance, carriage margin, travel, order and keep-out
+            distance [mm], a lower bound as well.
         quantity: Of which of them that is.
         time: Path time at which the worst stop begins, about [s].
         position: Where the platform is at the worst, about [mm]; NaN where that is not known.
@@ -71,7 +73,7 @@ def brake_report(motion: Motion) -> BrakeReport:
     return worst.report()
 
 
-QUANTITIES = ("clearance", "travel", "order", "keep_out")
+QUANTITIES = ("clearance", "travel", "order", "keep_out", "carriage_margin")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +81,9 @@ class Left:
     """What is left in blocks of a plan.
 
     Attributes:
-        amounts: Lower bounds in the order of ``QUANTITIES`` [mm], shape (4, n).
-        plane: D and S where the clearance is least [mm], shape (n, 2).
+        amounts: Lower bounds in the order of ``QUANTITIES`` [mm], shape (5, n).
+        plane: D and S where it is least: the clearance, or the carriage margin if less is left of
+            that [mm], shape (n, 2).
     """
 
     amounts: FloatArray
@@ -98,8 +101,9 @@ class Left:
 
 def left_in(prints: Footprint, keep_out: FloatArray) -> Left:
     """Bound what is left in each of some footprints (n,), given what is of keep-out boxes."""
-    clear, plane = clearance_of(prints, 0.0)
-    return Left(np.stack([clear, *prints.rails(), keep_out]), plane)
+    (clear, near), (free, tight) = clearance_of(prints, 0.0), margin_of(prints)
+    amounts = np.stack([clear, *prints.rails(), keep_out, free])
+    return Left(amounts, np.where((free < clear)[:, None], tight, near))
 
 
 def is_safe(blocks: Blocks) -> BoolArray:

@@ -7,9 +7,9 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.headroom.nearby import Patch, room_on
 from duoglide.planning.braking.blocks import Blocks, IndexArray
+from duoglide.planning.tolerances import PICOMETRE
 
 _CUTS = 9  # of a box into halves, at most: three of each side
-_ENOUGH = 1e-9  # mm that make sure
 
 
 def keep_out_of(blocks: Blocks) -> FloatArray:
@@ -33,7 +33,7 @@ def keep_out_of(blocks: Blocks) -> FloatArray:
             [np.maximum(b.low[1] - along, along - b.high[1]) - off for b in machine.keep_out],
             axis=0,
         )
-        near = aside <= _ENOUGH
+        near = aside <= PICOMETRE
         np.minimum.at(least, owner[~near], aside[~near])
         owner, boxes, middle, half = owner[near], boxes[near], middle[near], half[near]
         if not owner.size:
@@ -41,7 +41,7 @@ def keep_out_of(blocks: Blocks) -> FloatArray:
         ways = half[:, :, None] * np.eye(3)
         _, lowest = room_on(machine, Patch(middle, ways, np.zeros((len(half), 5))), -np.inf)
         found = np.nan_to_num(lowest.keep_out, nan=-np.inf, neginf=-np.inf)
-        closed = (found > _ENOUGH) | (cut == _CUTS)
+        closed = (found > PICOMETRE) | (cut == _CUTS)
         np.minimum.at(least, owner[closed], found[closed])
         owner, boxes = _halves(owner[~closed], boxes[~closed])
     return least

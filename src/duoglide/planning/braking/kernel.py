@@ -22,6 +22,7 @@ import numpy as np
 from duoglide.kinematics.compiled import compiled, inlined
 
 PARTS = 8  # nodes of a block, without those after it
+ROUNDING = 1e-9  # mm; carriages at rest would fill nothing at all without it
 
 
 @inlined
@@ -47,7 +48,7 @@ def slack(v: float, most_a: float, step: float, d: Any, coast: float) -> float:
     against = max(most_a - d[0], 0.0) * braked
     if abs(v) <= change:  # it may turn round: then it brakes from next to nothing
         against = max(against, (d[1] + most_a) * 2.0 * change / d[0])
-    off: float = step * (against + most_a * coast) + 0.125 * change * step
+    off: float = step * (against + most_a * coast) + 0.125 * change * step + ROUNDING
     return off
 
 
@@ -69,15 +70,15 @@ def spread(  # noqa: PLR0912, PLR0915 - one loop: numba compiles every function 
         drives: Reaction time, longest time at the last velocity [s]; least and largest deceleration
             of each drive, (3, 2).
         columns: Lowest D, width of a column [mm].
-        out: Least and largest S, (n, k) each; largest |carriage| and least D, (n,) each. Where the
-            legs cannot reach, the least D is -inf. Then the intervals of the carriages in every
-            cell, (n, cells, 3, 2), or no cells, if nobody wants them.
+        out: Least and largest S, least and largest D, (n, k) each; largest |carriage| and least D,
+            (n,) each. Where the legs cannot reach, the least D is -inf. Then the intervals of the
+            carriages in every cell, (n, cells, 3, 2), or no cells, if nobody wants them.
     """
     first, steps, rows = blocks
     q, v, most_a = plan
     reaction, coast, brakes = drives
     lowest, width = columns
-    smin, smax, farthest, nearest, boxes = out
+    smin, smax, left, right, farthest, nearest, boxes = out
     for b in range(first.size):
         step, base = steps[b], first[b]
         late = ceil(reaction / step - 1e-9)
@@ -131,8 +132,9 @@ def spread(  # noqa: PLR0912, PLR0915 - one loop: numba compiles every function 
                 down, up = 2.0 * (lo[0] - hi[2]), 2.0 * (lo[1] - hi[2])
                 turn, dip = hi[1] - hi[0], lo[1] - lo[0]
                 for j in range(int(begin), int(end) + 1):
-                    left = max(lowest + j * width, dmin)
-                    right = min(left + width, dmax)
-                    peak, pit = min(max(turn, left), right), min(max(dip, left), right)
+                    edge = lowest + j * width
+                    one, other = max(edge, dmin), min(edge + width, dmax)
+                    peak, pit = min(max(turn, one), other), min(max(dip, one), other)
                     top, bottom = min(rise + peak, fall - peak), max(down + pit, up - pit)
                     smin[b, j], smax[b, j] = min(smin[b, j], bottom), max(smax[b, j], top)
+                    left[b, j], right[b, j] = min(left[b, j], one), max(right[b, j], other)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,16 +23,35 @@ Retime = Callable[[FloatArray, FloatArray], Motion]
 between, ``NO_CAP`` where there is none."""
 
 
-_SAMPLE = 0.001  # [s] of the plan lie between two caps.
-_FEWEST_SAMPLES, _MOST_SAMPLES = 400, 40_000
-_ROUNDS = 5
-_TIGHTER = 0.97  # what a cap loses each round that it did not suffice
-_SLOWEST = 0.002  # A share of the speed below which no cap is looked for.
-_HALVINGS = 7  # of the ratio of speeds, in the search for a cap
-_LONGEST = 1000.0  # times the duration of the draft: then it stands nearly still
-_SLOWER = 1.1
-_MOST_STRETCHES = 8  # by 1.1, 1.1^2, 1.1^4: 1.1^255 in all
-_BISECTIONS = 1
+class _Caps(NamedTuple):
+    """How caps on the speed are found where a plan is not brake-safe.
+
+    Attributes:
+        sample: Of the plan, between two caps [s].
+        samples: Least and largest number of them.
+        rounds: Times that the curve is timed under caps, before the whole is slowed.
+        tighter: Share of a cap that each round keeps which did not suffice.
+        slowest: Share of the speed below which no cap is looked for.
+        halvings: Of the ratio of speeds in the search for a cap: to 5 % of it.
+        least_speed: Of the platform on average [mm/s]: a plan that must be slower is refused.
+        longest: Times the duration of the draft, which it may take however short its way is.
+        slower: First factor by which the whole is stretched; each next one is its square.
+        stretches: At most: by 1.1, 1.1^2, 1.1^4 and so on, 1.1^255 in all.
+    """
+
+    sample: float = 0.001
+    samples: tuple[int, int] = (400, 40_000)
+    rounds: int = 5
+    tighter: float = 0.97
+    slowest: float = 0.002
+    halvings: int = 7
+    least_speed: float = 10.0
+    longest: float = 20.0
+    slower: float = 1.1
+    stretches: int = 8
+
+
+_CAPS = _Caps()
 
 
 def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
@@ -48,23 +68,24 @@ def make_brake_safe(draft: Motion, retime: Retime | None = None) -> Motion:
         braking, for certain.
 
     Raises:
-        PathError: No speed is certain to be safe.
+        PathError: No speed is certain to be safe that is worth having.
     """
     motion, report = draft, brake_report(draft)
+    longest = max(_CAPS.longest * draft.duration, _way_of(draft) / _CAPS.least_speed)
     sigma, cap = np.zeros(1), np.full(1, NO_CAP)
-    slowest = _SLOWEST * draft.path.length / max(draft.duration, 1e-9)
-    for round_ in range(_ROUNDS):
+    slowest = _CAPS.slowest * draft.path.length / max(draft.duration, 1e-9)
+    for round_ in range(_CAPS.rounds):
         if report.safe or retime is None:
             break
-        where, fresh = brake_caps(motion, report.unsafe, _TIGHTER**round_, slowest)
+        where, fresh = brake_caps(motion, report.unsafe, _CAPS.tighter**round_, slowest)
         grid = np.union1d(sigma, where)
         sigma, cap = grid, np.minimum(np.interp(grid, sigma, cap), np.interp(grid, where, fresh))
         motion = retime(sigma, cap)
         report = brake_report(motion)
-        if motion.duration > _LONGEST * draft.duration:
+        if motion.duration > longest:
             break
     if not report.safe:
-        motion, report = _slow_down(motion, report, _LONGEST * draft.duration)
+        motion, report = _slow_down(motion, report, longest)
     cost = draft.duration if motion is not draft else 0.0
     told = replace(
         motion.report,
@@ -109,8 +130,8 @@ def safe_rates(motion: Motion, unsafe: FloatArray) -> FloatArray:
         unsafe: Parts of its path time [s], shape (m, 2).
     """
     blocks = Blocks.within(CarriageBounds.of(motion), unsafe)
-    low, high = np.full(len(blocks), _SLOWEST), np.ones(len(blocks))
-    for _ in range(_HALVINGS):
+    low, high = np.full(len(blocks), _CAPS.slowest), np.ones(len(blocks))
+    for _ in range(_CAPS.halvings):
         middle = np.sqrt(low * high)
         safe = is_safe(blocks.at_rate(middle))
         low, high = np.where(safe, middle, low), np.where(safe, high, middle)
@@ -121,33 +142,38 @@ def _slow_down(motion: Motion, report: BrakeReport, longest: float) -> tuple[Mot
     """Stretch the whole of a motion in time until it is brake-safe, or takes ``longest`` [s].
 
     Raises:
-        PathError: It never is: its path leaves less than bounds can tell from nothing.
+        PathError: It never is: its path leaves hardly more than what must be kept.
     """
     rates = safe_rates(motion, report.unsafe) if len(report.unsafe) else np.ones(1)
     good = 1.0 / float(rates.min())
     slow, report = _stretch(motion, good)
     bad = good
-    for k in range(_MOST_STRETCHES):
+    for k in range(_CAPS.stretches):
         if report.safe:
             break
-        bad, good = good, good * _SLOWER ** (2**k)
+        bad, good = good, good * _CAPS.slower ** (2**k)
         if good * motion.duration > longest:
             break
         slow, report = _stretch(motion, good)
     if report.safe:
-        for _ in range(_BISECTIONS if good > _SLOWER**2 * bad else 0):
-            middle = sqrt(bad * good)
-            less, told = _stretch(motion, middle)
-            bad, good = (bad, middle) if told.safe else (middle, good)
+        if good > _CAPS.slower**2 * bad:
+            less, told = _stretch(motion, sqrt(bad * good))
             slow, report = (less, told) if told.safe else (slow, report)
         return slow, report
     raise PathError(
-        f"no speed was found at which the drives may brake by themselves, each within"
-        f" {motion.machine.reaction_cycles} cycles of the first: {_lacking(report)}",
+        f"no speed above {_CAPS.least_speed:g} mm/s was found at which the drives may brake by"
+        f" themselves, each within {motion.machine.reaction_cycles} cycles of the first:"
+        f" {_lacking(report)}",
         position=report.position,
         quantity=report.quantity,
         amount=-report.room,
     )
+
+
+def _way_of(motion: Motion) -> float:
+    """Return how far the platform goes [mm], about."""
+    places = motion.position_at(np.linspace(0.0, motion.duration, 257))
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=-1).sum())
 
 
 def _lacking(report: BrakeReport) -> str:
@@ -168,7 +194,7 @@ def _choose_samples(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]
 
     The speeds are the largest ones near by: a cap must hold between two samples, and none is zero.
     """
-    count = int(np.clip(whole(motion.duration / _SAMPLE), _FEWEST_SAMPLES, _MOST_SAMPLES))
+    count = int(np.clip(whole(motion.duration / _CAPS.sample), *_CAPS.samples))
     times = np.linspace(0.0, motion.duration, count + 1)
     along = motion.profile.at(times)
     sigma, first = np.unique(along[:, 0], return_index=True)

@@ -43,11 +43,14 @@ class Outline:
     def of(cls, prints: Footprint) -> Outline:
         """Go round every footprint once."""
         width, low = column_width(prints.machine), lowest_column(prints.machine)
-        here = prints.smin <= prints.smax
-        row, column = np.nonzero(here)
-        left = low + width * column
+        here = np.pad(prints.smin <= prints.smax, ((0, 0), (1, 1)))
+        edge = np.broadcast_to(low + width * np.arange(here.shape[1] - 1), here[:, 1:].shape)
+        edge = np.where(here[:, :-1], edge, np.pad(prints.left, ((0, 0), (0, 1))))
+        edge = np.where(here[:, 1:], edge, np.pad(prints.right, ((0, 0), (1, 0))))
+        row, column = np.nonzero(here[:, 1:-1])
+        left, right = edge[row, column], edge[row, column + 1]
         along = [
-            _ways((left, side[row, column]), (left + width, side[row, column]))
+            _ways((left, side[row, column]), (right, side[row, column]))
             for side in (prints.smin, prints.smax)
         ]
         across = [_steps(here, prints.smin, prints.smax), _steps(here, prints.smax, prints.smin)]
@@ -57,7 +60,7 @@ class Outline:
             which = np.repeat(np.arange(pieces.size), pieces)
             part = np.arange(which.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
             step = ((end - start) / pieces)[which]
-            at = (low + width * edge_column)[which], start[which] + part * step
+            at = edge[edge_row, edge_column][which], start[which] + part * step
             rows.append(edge_row[which])
             ends.append(_ways(at, (at[0], at[1] + step)))
         return cls(np.concatenate(rows), np.concatenate(ends))
@@ -65,7 +68,7 @@ class Outline:
     def patch(self) -> Patch:
         """Return the carriages along each way, with the platform at y = 0."""
         middle, half = self.ends.mean(axis=1), 0.5 * (self.ends[:, 1] - self.ends[:, 0])
-        return Patch(_carriages(middle), _carriages(half)[:, None], np.zeros((len(half), 5)))
+        return Patch(carriages_of(middle), carriages_of(half)[:, None], np.zeros((len(half), 5)))
 
 
 def _ways(start: Points, end: Points) -> FloatArray:
@@ -73,22 +76,26 @@ def _ways(start: Points, end: Points) -> FloatArray:
     return np.stack([np.stack(start, axis=-1), np.stack(end, axis=-1)], axis=1)
 
 
-def _carriages(plane: FloatArray) -> FloatArray:
+def carriages_of(plane: FloatArray) -> FloatArray:
     """Return the carriages that have D and S (n, 2), with carriages 1 and 2 about 0, (n, 3)."""
     D, S = plane.T
     return np.stack([-0.5 * D, 0.5 * D, -0.5 * S], axis=-1)
 
 
 def _steps(
-    here: BoolArray, side: FloatArray, other: FloatArray
+    inside: BoolArray, side: FloatArray, other: FloatArray
 ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
     """Return where one side of footprints steps between columns; at their ends, to the other side.
+
+    Args:
+        inside: Which columns have something in them, with one more column at each end.
+        side: S of this side in each column.
+        other: S of the other.
 
     Returns:
         Row and column at whose left edge the step is, and its S before and after.
     """
     pad = ((0, 0), (1, 1))
-    inside = np.pad(here, pad)
     one, two = np.pad(side, pad), np.pad(other, pad)
     row, edge = np.nonzero(inside[:, 1:] | inside[:, :-1])
     left, right = inside[row, edge], inside[row, edge + 1]

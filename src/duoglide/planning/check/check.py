@@ -15,9 +15,7 @@ from duoglide.planning.check.least import least_margins
 from duoglide.planning.check.refusal import assembly_error, refusal
 from duoglide.planning.check.rules import Rules
 from duoglide.planning.check.search import first_failure
-
-TORN = 1e-6  # [mm, 1, 1/mm], more than rounding leaves of a joint of p, p', p''
-ROUNDING = 1e-11  # [mm], and what it may leave where pieces are very short
+from duoglide.planning.tolerances import NANOMETRE
 
 
 def check_path(machine: Machine, path: Path) -> CheckedPath:
@@ -99,7 +97,8 @@ def _require_whole(curve: Curve) -> None:
     before, after = curve.both_sides(0.0, 0.0, np.arange(inner.size))
     jumps = np.abs(after - before).max(axis=-1)
     short = np.minimum(curve.spans[:-1], curve.spans[1:])[:, None]
-    torn = jumps[:, :3] > TORN + ROUNDING / short ** np.arange(3)
+    # Of p, p', p'' [mm, 1, 1/mm]; the second part is what rounding leaves where pieces are short.
+    torn = jumps[:, :3] > NANOMETRE + 1e-11 / short ** np.arange(3)
     if curve.rests:
         torn[np.isin(inner, curve.rests), 1:] = False
     torn = torn.any(axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,12 +23,29 @@ from duoglide.planning.check.rules import CARRIAGE_MARGIN, CLEARANCE, Rules
 from duoglide.planning.check.search import first_failure
 from duoglide.planning.tolerances import NANOMETRE
 
-SAMPLES = 1000  # to find how far a rule is broken
-SHIFT_SAMPLES = 60
-SHIFTS = np.arange(1.0, 60.01, 1.0)  # [mm] up and down
-FINEST = 0.01  # [mm], to which an admissible height is found
-TRIES = 4
-ZOOMS = 4
+
+class _Looks(NamedTuple):
+    """How closely a refusal looks for what would work.
+
+    Attributes:
+        samples: Along the curve, to find how far a rule is broken.
+        shifted: Along the curve, at each height.
+        highest: Farthest that the path is moved up or down [mm], in steps of 1 mm.
+        finest: Step to which an admissible height or length is told [mm].
+        tries: Heights of the coarse steps that are looked at closely.
+        zooms: Times that the place where a rule is broken the most is looked at more
+            closely.
+    """
+
+    samples: int = 1000
+    shifted: int = 60
+    highest: float = 60.0
+    finest: float = 0.01
+    tries: int = 4
+    zooms: int = 4
+
+
+_LOOKS = _Looks()
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +115,7 @@ def _find_breach(rules: Rules, failed_at: float) -> Breach:
     """
     first = margins_at(rules, np.array([failed_at]))[0]
     family = int(np.argmax(first < TOUCHING))
-    sigma = np.linspace(failed_at, rules.curve.end, SAMPLES)
+    sigma = np.linspace(failed_at, rules.curve.end, _LOOKS.samples)
     table = margins_at(rules, sigma)
     kept = np.flatnonzero(table[:, family] >= TOUCHING)
     stretch = slice(0, max(int(kept[0]), 1) if kept.size else None)
@@ -117,7 +135,7 @@ def _zoom_in(
 ) -> tuple[float, float]:
     """Find the least value, and where it is, between evenly spaced samples too."""
     step = float(sigma[1] - sigma[0]) if sigma.size > 1 else 0.0
-    for _ in range(ZOOMS):
+    for _ in range(_LOOKS.zooms):
         where = float(sigma[values.argmin()])
         sigma = (where + step * np.linspace(-1.0, 1.0, 41)).clip(sigma[0], sigma[-1])
         values = margins_at(rules, sigma)[:, family]
@@ -173,7 +191,7 @@ def _put_in_words(rules: Rules, family: int, worst: float, position: FloatArray)
 
 def _find_height(rules: Rules) -> str:
     """Find the nearest height at which the same curve passes."""
-    points = rules.curve.position(np.linspace(0.0, rules.curve.end, SHIFT_SAMPLES))
+    points = rules.curve.position(np.linspace(0.0, rules.curve.end, _LOOKS.shifted))
 
     def passing(shifts: FloatArray) -> BoolArray:
         up = np.zeros((shifts.size, 1, 3))
@@ -182,9 +200,11 @@ def _find_height(rules: Rules) -> str:
         passes: BoolArray = found.reshape(shifts.size, -1).min(axis=1) >= TOUCHING
         return passes
 
-    coarse = np.ravel(np.column_stack([SHIFTS, -SHIFTS]))
-    for shift in coarse[passing(coarse)][:TRIES]:
-        fine = np.copysign(abs(shift) + FINEST * np.arange(1 - round(SHIFTS[0] / FINEST), 2), shift)
+    steps = np.arange(1.0, _LOOKS.highest + 0.5)
+    coarse = np.ravel(np.column_stack([steps, -steps]))
+    between = _LOOKS.finest * np.arange(1 - round(1.0 / _LOOKS.finest), 2)
+    for shift in coarse[passing(coarse)][: _LOOKS.tries]:
+        fine = np.copysign(abs(shift) + between, shift)
         for exact in fine[passing(fine)][:2]:
             lifted = replace(rules, curve=rules.curve.moved(np.array([0.0, 0.0, exact])))
             assembled = assembly_error(rules.machine, lifted.curve) is None
@@ -196,9 +216,10 @@ def _find_height(rules: Rules) -> str:
 def _find_part(rules: Rules, failed_at: float) -> str:
     """Name a part of the curve that passes: what comes first, or the longest one after it."""
     along = float(rules.curve.arc_length(failed_at))
-    if along > FINEST:
-        return f"its part from 0 to {np.floor(along / FINEST) * FINEST:.2f} mm passes as it is"
-    sigma = np.linspace(0.0, rules.curve.end, SAMPLES)
+    if along > _LOOKS.finest:
+        whole = np.floor(along / _LOOKS.finest) * _LOOKS.finest
+        return f"its part from 0 to {whole:.2f} mm passes as it is"
+    sigma = np.linspace(0.0, rules.curve.end, _LOOKS.samples)
     good = np.concatenate([[False], (margins_at(rules, sigma) >= TOUCHING).all(axis=1), [False]])
     edges = np.flatnonzero(np.diff(good.astype(np.int8)))
     starts, ends = edges[::2], edges[1::2] - 1

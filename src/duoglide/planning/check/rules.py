@@ -13,7 +13,7 @@ from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.headroom.room import SURE, TOUCHING
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
-from duoglide.motion.curve.bounds import CurveBounds, curve_bounds
+from duoglide.motion.curve.bounds import CurveBounds, bound_curve
 from duoglide.motion.curve.curve import Curve
 
 CLEARANCE, CARRIAGE_MARGIN = 0, 1  # places of them among the families
@@ -47,7 +47,7 @@ class Rules:
         margins = machine.clearance, machine.carriage_margin
         required = [*margins, 0.0, 0.0, 0.0, machine.carriage_width, *boxes]
         constants = pose_constants(machine.geometry, WORKING)
-        return cls(machine, curve, curve_bounds(curve), constants, np.array(required))
+        return cls(machine, curve, bound_curve(curve), constants, np.array(required))
 
     @property
     def families(self) -> tuple[str, ...]:

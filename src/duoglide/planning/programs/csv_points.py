@@ -37,10 +37,10 @@ def read_csv(text: str, tolerance: float = 0.0) -> Path:
     Raises:
         InputError: Names the line and what is wrong with it.
     """
-    lines = list(_lines(text))
-    separator = _separator(lines)
+    lines = list(_number_lines(text))
+    separator = _find_separator(lines)
     rows = [
-        _row(number, line, separator)
+        _split_row(number, line, separator)
         for number, line in lines[_names_separator(lines, separator) :]
     ]
     header = [field.lower() for field in rows[0].fields] if rows else []
@@ -59,7 +59,7 @@ def read_csv(text: str, tolerance: float = 0.0) -> Path:
     return builder.build()
 
 
-def _lines(text: str) -> Iterator[tuple[int, str]]:
+def _number_lines(text: str) -> Iterator[tuple[int, str]]:
     """Return the lines that hold something, with their numbers."""
     for number, line in enumerate(LINE_END.split(text), start=1):
         parts = line.strip(" \x1a").split(",")  # tabs beside commas are blanks
@@ -68,7 +68,7 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
             yield number, kept
 
 
-def _separator(lines: list[tuple[int, str]]) -> str:
+def _find_separator(lines: list[tuple[int, str]]) -> str:
     """Return what parts the columns of the whole file."""
     said = [s for s in _SEPARATORS if _names_separator(lines, s)]
     found = (s for s in _SEPARATORS if any(s in line for _, line in lines))
@@ -80,7 +80,7 @@ def _names_separator(lines: list[tuple[int, str]], separator: str) -> bool:
     return bool(lines) and lines[0][1].lower() == f"sep={separator}"
 
 
-def _row(number: int, line: str, separator: str) -> _Row:
+def _split_row(number: int, line: str, separator: str) -> _Row:
     try:
         (fields,) = csv.reader([line], delimiter=separator, strict=True)
     except (csv.Error, ValueError) as error:
@@ -137,11 +137,11 @@ def _read_row(row: _Row, columns: int) -> tuple[int, Point, float | None]:
 
 def _number(line: int, field: str) -> float:
     if _NUMBER.fullmatch(field) is None:
-        raise _no_number(line, field)
+        raise _refuse_number(line, field)
     return float(field)
 
 
-def _no_number(line: int, field: str) -> InputError:
+def _refuse_number(line: int, field: str) -> InputError:
     if field.lower().lstrip("+-") in ("nan", "inf", "infinity"):
         return InputError(f"line {line}: {field}: every number must be finite")
     hint = f"; {_HINT}" if re.search(r"[0-9]", field) else ""

@@ -38,9 +38,9 @@ from duoglide.errors import InputError
 from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
 from duoglide.motion.path.path import Path
 from duoglide.motion.path.segments import COINCIDENT, Line, Point, as_point, distance
-from duoglide.planning.programs.gcode_arcs import PLANES, Turn, arc
+from duoglide.planning.programs.gcode_arcs import PLANES, Turn, build_arc
 from duoglide.planning.programs.gcode_skip import read_block
-from duoglide.planning.programs.gcode_words import LINE_END, Block, code_of
+from duoglide.planning.programs.gcode_words import LINE_END, Block, strip_line
 from duoglide.planning.programs.notes import ProgramNotes, skip_hint
 from duoglide.planning.programs.path_builder import PathBuilder
 
@@ -96,16 +96,18 @@ class _Interpreter:
         block = read_block(code, self.notes)
         words = block.words
         if "F" in words:
-            self.feed = _positive("F", words.pop("F"), "mm/min") / 60.0
+            self.feed = _require_positive("F", words.pop("F"), "mm/min") / 60.0
         dwell = self._set_modes(block.gs, words)
-        if dwell and (seconds := self._dwell_seconds(words)) > 0.0:
+        if dwell and (seconds := self._read_dwell(words)) > 0.0:
             self.builder.act(Dwell(seconds))
         for m in block.ms:
-            self._m_word(m, words)
+            self._obey_m(m, words)
         if not dwell and any(axis in words for axis in "XYZIJKR"):
             self._move(words)
         if words:
-            raise InputError(f"{', '.join(words)}: of no meaning in this line{_hint(words, block)}")
+            raise InputError(
+                f"{', '.join(words)}: of no meaning in this line{_suggest(words, block)}"
+            )
 
     def _set_modes(self, gs: list[float], words: dict[str, float]) -> bool:
         """Obey G words that change how others are read; tell whether one is a dwell."""
@@ -119,14 +121,14 @@ class _Interpreter:
             elif g in (61.0, 61.1):
                 self.tolerance = 0.0
             elif g == 64.0:
-                self.tolerance = self._smoothness(words)
+                self.tolerance = self._read_smoothness(words)
             elif g in _INSTEAD:
                 raise InputError(f"G{g:g}: {_INSTEAD[g]}")
             elif g != 4.0 and g not in _HOLDS_ANYWAY:
                 raise InputError(f"G{g:g} is not known here")
         return 4.0 in gs
 
-    def _smoothness(self, words: dict[str, float]) -> float:
+    def _read_smoothness(self, words: dict[str, float]) -> float:
         """Return the corner tolerance after G64 [mm]."""
         if "P" in words:
             tolerance = words.pop("P")
@@ -140,14 +142,14 @@ class _Interpreter:
         self.notes.remark(self.line, f"G64 without P: {means}, the program's tolerance")
         return whole
 
-    def _m_word(self, m: float, words: dict[str, float]) -> None:
+    def _obey_m(self, m: float, words: dict[str, float]) -> None:
         if m in (2.0, 30.0):
             self.ended = True
         elif m in (62.0, 63.0, 64.0, 65.0):
-            axis, bit = _line_of(words, f"M{m:g}")
+            axis, bit = _find_line(words, f"M{m:g}")
             self.builder.act(SetOutput(axis, bit, m in (62.0, 64.0)))
         elif m == 66.0:
-            axis, bit = _line_of(words, "M66")
+            axis, bit = _find_line(words, "M66")
             level = _take(words, "L", "M66 needs L3 (on) or L4 (off)")
             if level not in (3.0, 4.0):
                 raise InputError(f"M66 L{level:g}: must be L3 (on) or L4 (off)")
@@ -180,13 +182,13 @@ class _Interpreter:
         start = self.builder.place or place
         if self.motion in (2.0, 3.0):
             turn = Turn(self.plane, counterclockwise=self.motion == 3.0)
-            self.builder.add(arc(start, goal, turn, words, self.feed), self.tolerance)
+            self.builder.add(build_arc(start, goal, turn, words, self.feed), self.tolerance)
         elif distance(start, goal) >= COINCIDENT:
             feed = self.feed if self.motion == 1.0 else None
             self.builder.add(Line(start, goal, feed), self.tolerance)
         self.place = goal
 
-    def _dwell_seconds(self, words: dict[str, float]) -> float:
+    def _read_dwell(self, words: dict[str, float]) -> float:
         letter = "P" if "P" in words else "S"
         seconds = _take(words, letter, "G4 needs P or S, in seconds")
         if seconds < 0.0:
@@ -245,7 +247,7 @@ def read_gcode(text: str, tolerance: float = 0.0, notes: ProgramNotes | None = N
     for number, line in enumerate(LINE_END.split(text), start=1):
         interpreter.line = number
         try:
-            code = frame.inside(code_of(line), number)
+            code = frame.take_inside(strip_line(line), number)
             if code:
                 interpreter.run(code)
         except InputError as error:
@@ -271,7 +273,7 @@ class _Frame:
     begun: bool = False
     stray: int | None = None
 
-    def inside(self, code: str, number: int) -> str:
+    def take_inside(self, code: str, number: int) -> str:
         """Return what a line holds of the program.
 
         Raises:
@@ -296,7 +298,7 @@ class _Frame:
         return ""
 
 
-def _hint(words: Mapping[str, float], block: Block) -> str:
+def _suggest(words: Mapping[str, float], block: Block) -> str:
     """Say how to go on from words of no meaning."""
     if glued := [text.strip() for letter, text in block.glued.items() if letter in words]:
         return f"; if {glued[0]} is an exponent, write the number in full"
@@ -310,7 +312,7 @@ def _take(words: dict[str, float], letter: str, rule: str) -> float:
     return words.pop(letter)
 
 
-def _line_of(words: dict[str, float], name: str) -> tuple[int, int]:
+def _find_line(words: dict[str, float], name: str) -> tuple[int, int]:
     """Turn P into a drive and a bit of its digital lines."""
     number = _take(words, "P", f"{name} needs P, the number of the line")
     if number != int(number) or not 0 <= number < 3 * _BITS:
@@ -318,7 +320,7 @@ def _line_of(words: dict[str, float], name: str) -> tuple[int, int]:
     return int(number) // _BITS + 1, int(number) % _BITS
 
 
-def _positive(letter: str, value: float, unit: str) -> float:
+def _require_positive(letter: str, value: float, unit: str) -> float:
     if value <= 0.0:
         raise InputError(f"{letter}{value:g}: must be above 0 {unit}")
     return value

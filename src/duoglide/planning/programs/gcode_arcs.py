@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import asin, atan2, hypot, pi, sqrt
 
 from duoglide.errors import InputError
-from duoglide.motion.path.segments import COINCIDENT, ROUGH, Helix, Point, roughness
+from duoglide.motion.path.segments import COINCIDENT, ROUGH, Helix, Point, measure_roughness
 
 PLANES = {17.0: (0, 1, 2), 18.0: (2, 0, 1), 19.0: (1, 2, 0)}  # right-handed: two axes, the normal
 _OFFSETS = "IJK"
@@ -35,7 +35,7 @@ class Turn:
         return axis[0], axis[1], axis[2]
 
 
-def arc(
+def build_arc(
     start: Point, end: Point, turn: Turn, words: dict[str, float], speed: float | None
 ) -> Helix:
     """Build an arc, a full circle or a helix; takes I, J, K or R out of ``words``.
@@ -91,7 +91,7 @@ def _sweep(a: _Flat, b: _Flat, centre: _Flat, counterclockwise: bool) -> float:
     before, after = hypot(ax, ay), hypot(bx, by)
     if before < COINCIDENT:
         raise InputError("the centre of the arc is its start")
-    if abs(after - before) > roughness(before):
+    if abs(after - before) > measure_roughness(before):
         raise InputError(
             f"the centre does not fit: the start is {before:.6g} mm away from it, the end"
             f" {after:.6g} mm"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from duoglide.errors import InputError
-from duoglide.planning.programs.gcode_words import Block, words_of
+from duoglide.planning.programs.gcode_words import Block, split_words
 from duoglide.planning.programs.notes import ProgramNotes
 
 _PRINTERS = 200.0  # M words from here on are those of 3D printers only, X and all
@@ -26,7 +26,7 @@ def read_block(code: str, notes: ProgramNotes) -> Block:
     text = _TEXTS.match(code) or _FLAGS.fullmatch(code)
     if text is not None and notes.skip(f"M{float(text[1]):g}"):
         return Block()  # what follows is a text for a display, the name of a file, or motors
-    block = words_of(code)
+    block = split_words(code)
     if not notes.names:
         return block
     _skip_origin(block, notes)

@@ -71,7 +71,7 @@ class Block:
     glued: dict[str, str] = field(default_factory=dict)
 
 
-def code_of(line: str) -> str:
+def strip_line(line: str) -> str:
     """Return a line without its comments, checksum and number.
 
     Raises:
@@ -96,8 +96,8 @@ def code_of(line: str) -> str:
     return _HEAD.sub("", code, count=1) if _HEAD.match(code) else code
 
 
-def words_of(code: str) -> Block:
-    """Split what ``code_of`` has left of a line.
+def split_words(code: str) -> Block:
+    """Split what ``strip_line`` has left of a line.
 
     Raises:
         InputError: Not a word, a word or a modal group twice, or a number that is too large.
@@ -109,7 +109,7 @@ def words_of(code: str) -> Block:
             block.glued[match["letter"].upper()] = match[0]
         end = match.end()
     if code[end:].strip():
-        raise _unreadable(code[end:].strip())
+        raise _refuse_unreadable(code[end:].strip())
     for name, groups, numbers in (("G", _GROUP_OF_G, block.gs), ("M", _GROUP_OF_M, block.ms)):
         _require_one_of_each_group(name, numbers, groups)
     return block
@@ -130,7 +130,7 @@ def _append(block: Block, letter: str, text: str) -> None:
     block.order.append(letter)
 
 
-def _unreadable(text: str) -> InputError:
+def _refuse_unreadable(text: str) -> InputError:
     if re.match(r",[0-9]", text):
         return InputError(f"cannot read {text!r:.80}: the decimal sign is a point")
     if re.match(r"[+-]?[0-9.]", text):

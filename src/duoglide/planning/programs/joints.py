@@ -35,7 +35,7 @@ class Entry:
     corner: Corner | None
 
 
-def entries(machine: Machine, paths: Iterable[Path], tolerance: float) -> Iterator[Entry]:
+def find_entries(machine: Machine, paths: Iterable[Path], tolerance: float) -> Iterator[Entry]:
     """Yield the paths of a program, each as soon as the one after it is known.
 
     Raises:

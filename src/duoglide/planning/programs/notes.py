@@ -91,10 +91,10 @@ class ProgramNotes:
             InputError: A name that moves, offsets or changes units, or that is read here.
         """
         notes = cls()
-        notes.also(names, keys)
+        notes.skip_also(names, keys)
         return notes
 
-    def also(self, names: Iterable[str], keys: Iterable[str] = ()) -> None:
+    def skip_also(self, names: Iterable[str], keys: Iterable[str] = ()) -> None:
         """Skip more names; see ``ignoring``."""
         if isinstance(names, str) or not isinstance(names, Iterable):
             raise InputError(f"ignore = {names!r:.80}: must be a list of words, as M104 or E")
@@ -132,40 +132,40 @@ def _name(given: object, keys: frozenset[str]) -> str:
     text = given.strip() if isinstance(given, str) else ""
     if _KEY.fullmatch(text) and not _WORD.fullmatch(text.upper()):
         if text in keys or not _MEANINGS.isdisjoint(re.split("[-_]", text)):
-            raise _refusal(text, "says where or how to move")
+            raise _make_refusal(text, "says where or how to move")
         return text
     text = text.upper()
     if _G92_E.fullmatch(text):
         return "G92"
     if text.startswith("G92 "):
-        raise _refusal(text, "moves the origin")
+        raise _make_refusal(text, "moves the origin")
     word = _WORD.fullmatch(text)
     if not word:
         raise InputError(f"ignore {given!r:.80}: not a word; words are as M104, E or G92")
     letter, number = word[1], word[2]
     if number is None:
-        return _letter(letter)
+        return _take_letter(letter)
     name = f"{letter}{float(number):g}"
     if letter == "G" and name not in _G:
-        raise _refusal(name, "moves, offsets or changes how other words are read")
+        raise _make_refusal(name, "moves, offsets or changes how other words are read")
     if letter == "M" and float(number) in _READ_HERE:
-        raise _refusal(name, "is obeyed here")
+        raise _make_refusal(name, "is obeyed here")
     if letter == "M" and float(number) in _NEVER:
-        raise _refusal(name, _NEVER[float(number)])
+        raise _make_refusal(name, _NEVER[float(number)])
     if letter not in "GM":
-        return _letter(letter)  # T1 is the word T
+        return _take_letter(letter)  # T1 is the word T
     return name
 
 
-def _letter(letter: str) -> str:
+def _take_letter(letter: str) -> str:
     if letter in _LETTERS:
         return letter
     if letter in "XYZABCUVWIJKR":
-        raise _refusal(letter, "moves")
-    raise _refusal(letter, "belongs to the words that are read, or is none by itself")
+        raise _make_refusal(letter, "moves")
+    raise _make_refusal(letter, "belongs to the words that are read, or is none by itself")
 
 
-def _refusal(name: str, why: str) -> InputError:
+def _make_refusal(name: str, why: str) -> InputError:
     return InputError(
         f"ignore {name}: it {why}; only words that neither move, offset nor change units can be"
         " skipped"

@@ -26,14 +26,14 @@ from duoglide.machine import Machine
 from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import distance
-from duoglide.planning.programs.joints import Entry, entries
+from duoglide.planning.programs.joints import Entry, find_entries
 from duoglide.planning.programs.windows import (
     Seam,
-    before_joint,
+    cut_at,
+    cut_before_joint,
     place_of_seam,
     plan_window,
-    rest_of,
-    seam_at,
+    take_rest,
 )
 from duoglide.planning.timing.lead import Lead
 from duoglide.planning.tolerances import NANOMETRE
@@ -76,7 +76,9 @@ def plan_program(
     if as_number(tolerance, "tolerance [mm]") < 0.0:
         raise InputError(f"tolerance = {tolerance:g} mm: must be 0 or above")
     total = 0.0
-    for done, trajectory in _Program(machine, brake_safe, entries(machine, paths, tolerance)).run():
+    for done, trajectory in _Program(
+        machine, brake_safe, find_entries(machine, paths, tolerance)
+    ).run():
         total += trajectory.duration
         if progress is not None:
             progress(done, total)
@@ -131,7 +133,7 @@ class _Program:
         """Yield each trajectory, with how many paths are done at its end."""
         most = _MOST_PATHS
         while self._reaches(1):
-            window = self._window(most)
+            window = self._choose_window(most)
             try:
                 trajectory = self._plan_window(window)
             except (PathError, LimitError) as error:
@@ -147,7 +149,7 @@ class _Program:
             most = _MOST_PATHS
             if self.held is not None:
                 yield self.done, self.held[0]
-            seam = None if window.seam is None else seam_at(trajectory, window.seam)
+            seam = None if window.seam is None else cut_at(trajectory, window.seam)
             if seam is None:
                 self._advance(window.count, window.rest)
                 yield self.done, trajectory
@@ -169,19 +171,19 @@ class _Program:
             self.queue.append(entry)
         return len(self.queue) >= count
 
-    def _window(self, most: int) -> _Window:
+    def _choose_window(self, most: int) -> _Window:
         """Choose how far to look ahead: as far as what is done first may depend on it."""
         path = self.path or self.queue[0].path
-        first, ahead = len(path.segments), _stopping_distance(self.machine)
-        enough = max(_chords(path), ahead) + ahead
+        first, ahead = len(path.segments), _estimate_stopping_distance(self.machine)
+        enough = max(_measure_chords(path), ahead) + ahead
         count = 1
         while count < most and (corner := self.queue[count - 1].corner) is not None:
             if not self._reaches(count + 1):
                 break
             path, count = path.then(self.queue[count].path, corner), count + 1
-            if _chords(path) < enough - NANOMETRE:
+            if _measure_chords(path) < enough - NANOMETRE:
                 continue
-            until, rest = before_joint(path, self.queue[count - 1].corner)
+            until, rest = cut_before_joint(path, self.queue[count - 1].corner)
             rounded = round_corners(until)
             seam = place_of_seam(rounded, until, max(float(rounded.waypoints[first]), ahead))
             if seam is not None and seam + ahead <= rounded.curve.end + NANOMETRE:
@@ -208,16 +210,16 @@ class _Program:
             segment, count = segment - ahead, count - 1
             self.done = self.queue.popleft().number
             ahead = len(self.queue[0].path.segments)
-        self.path = rest_of(self.queue[0].path, segment, seam.place)
+        self.path = take_rest(self.queue[0].path, segment, seam.place)
         self.lead, self.held = seam.lead, (seam.part, count, window.rest)
 
 
-def _chords(path: Path) -> float:
+def _measure_chords(path: Path) -> float:
     """Return about how long a path is [mm]."""
     return sum(distance(one, other) for one, other in pairwise(path.waypoints))
 
 
-def _stopping_distance(machine: Machine) -> float:
+def _estimate_stopping_distance(machine: Machine) -> float:
     """Return how far the platform goes while it stops from the largest velocity, about [mm]."""
     limits = machine.limits
     v, a, j = limits.velocity, limits.acceleration, limits.jerk

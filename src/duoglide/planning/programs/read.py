@@ -138,12 +138,12 @@ def read_with_notes(
     return Reading(read, dict(notes.ignored), tuple(notes.remarks))
 
 
-def _csv(text: str, tolerance: float, notes: ProgramNotes) -> Path:
+def _read_csv(text: str, tolerance: float, notes: ProgramNotes) -> Path:
     return read_csv(text, tolerance)
 
 
 _READERS: dict[str, Callable[[str, float, ProgramNotes], Path]] = {
     ".toml": read_toml,
-    ".csv": _csv,
+    ".csv": _read_csv,
     **dict.fromkeys(GCODE, read_gcode),
 }

@@ -9,7 +9,7 @@ from typing import Any
 from duoglide.arrays import as_number, as_triples
 from duoglide.errors import InputError
 from duoglide.machine.toml_read import read_tables
-from duoglide.motion.path.actions import action_from_dict
+from duoglide.motion.path.actions import read_action
 from duoglide.motion.path.path import Path
 from duoglide.motion.path.segments import (
     Arc,
@@ -40,7 +40,7 @@ def read_toml(text: str, tolerance: float = 0.0, notes: ProgramNotes | None = No
     """
     notes = ProgramNotes() if notes is None else notes
     table = read_tables(text)
-    notes.also(table.get("ignore", ()), KEYS)
+    notes.skip_also(table.get("ignore", ()), KEYS)
     _refuse_unknown(table, _HEADER, notes)
     moves = table.get("moves")
     if not isinstance(moves, list) or not all(isinstance(move, dict) for move in moves):
@@ -64,7 +64,7 @@ def _add(
     kind = move.get("type")
     move = {key: value for key, value in move.items() if key in KEYS or not notes.skip(key)}
     if isinstance(kind, str) and kind in _ACTIONS:
-        builder.act(action_from_dict(move))
+        builder.act(read_action(move))
         return
     if not isinstance(kind, str) or kind not in _MOVES:
         known = ", ".join((*_MOVES, *_ACTIONS))
@@ -79,24 +79,24 @@ def _add(
     add(builder, {"tolerance": tolerance, **move})
 
 
-def _line(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+def _add_line(builder: PathBuilder, move: Mapping[str, Any]) -> None:
     to = as_point(move["to"], "to")
     builder.add(Line(_place(builder), to, as_speed(move.get("speed"))), move["tolerance"])
 
 
-def _arc(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+def _add_arc(builder: PathBuilder, move: Mapping[str, Any]) -> None:
     via, to = as_point(move["via"], "via"), as_point(move["to"], "to")
     builder.add(Arc(_place(builder), via, to, as_speed(move.get("speed"))), move["tolerance"])
 
 
-def _through(builder: PathBuilder, move: Mapping[str, Any]) -> None:
-    points = as_triples([_place(builder), *_points(move)], "points")
+def _add_through(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+    points = as_triples([_place(builder), *_read_points(move)], "points")
     builder.add(Spline(points, as_speed(move.get("speed"))), move["tolerance"])
 
 
-def _polyline(builder: PathBuilder, move: Mapping[str, Any]) -> None:
-    for point in _points(move):
-        _line(builder, {**move, "to": point})
+def _add_polyline(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+    for point in _read_points(move):
+        _add_line(builder, {**move, "to": point})
 
 
 def _pick_and_place(builder: PathBuilder, move: Mapping[str, Any]) -> None:
@@ -107,23 +107,23 @@ def _pick_and_place(builder: PathBuilder, move: Mapping[str, Any]) -> None:
     builder.extend(pick_and_place(**values))
 
 
-def _arch(builder: PathBuilder, move: Mapping[str, Any]) -> None:
+def _add_arch(builder: PathBuilder, move: Mapping[str, Any]) -> None:
     sizes = {key: move[key] for key in ("lift", "straight") if key in move}
     builder.extend(Path.arch(_place(builder), move["to"], **sizes))
 
 
 _Add = Callable[[PathBuilder, Mapping[str, Any]], None]
 _MOVES: dict[str, tuple[tuple[str, ...], tuple[str, ...], _Add]] = {
-    "line": (("to",), ("speed", "tolerance"), _line),
-    "arc": (("via", "to"), ("speed", "tolerance"), _arc),
-    "through": (("points",), ("speed", "tolerance"), _through),
-    "polyline": (("points",), ("speed", "tolerance"), _polyline),
+    "line": (("to",), ("speed", "tolerance"), _add_line),
+    "arc": (("via", "to"), ("speed", "tolerance"), _add_arc),
+    "through": (("points",), ("speed", "tolerance"), _add_through),
+    "polyline": (("points",), ("speed", "tolerance"), _add_polyline),
     "pick_and_place": (
         ("place",),
         ("pick", "lift", "tolerance", "depart", "approach", "dwell"),
         _pick_and_place,
     ),
-    "arch": (("to",), ("lift", "straight"), _arch),
+    "arch": (("to",), ("lift", "straight"), _add_arch),
 }
 
 
@@ -139,7 +139,7 @@ def _place(builder: PathBuilder) -> Point:
     return builder.place
 
 
-def _points(move: Mapping[str, Any]) -> list[Point]:
+def _read_points(move: Mapping[str, Any]) -> list[Point]:
     array = as_triples(move["points"], "points")
     if array.ndim != 2:
         raise InputError("points must be a list of points [x, y, z]")

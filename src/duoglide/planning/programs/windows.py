@@ -19,7 +19,7 @@ from duoglide.motion.rounding.blend import Blend, Corner
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.check.check import check_path
 from duoglide.planning.plan import plan
-from duoglide.planning.stops.certificate import stop_bounds, stop_bounds_until
+from duoglide.planning.stops.certificate import certify_stops, stop_bounds_until
 from duoglide.planning.timing.lead import Lead
 from duoglide.planning.timing.time_path import time_path
 from duoglide.planning.timing.timed_curve import SigmaCap
@@ -75,10 +75,10 @@ def plan_window(machine: Machine, path: Path, lead: Lead | None, brake_safe: boo
             raise LimitError(
                 "the motion would have to be slower from its beginning to be brake-safe"
             )
-    return Trajectory.of(motion, stop_bounds(motion))
+    return Trajectory.of(motion, certify_stops(motion))
 
 
-def before_joint(path: Path, corner: Corner | None) -> tuple[Path, Path | None]:
+def cut_before_joint(path: Path, corner: Corner | None) -> tuple[Path, Path | None]:
     """Divide a path where a blend after it begins on its last line.
 
     There the motion can rest whatever the blend asks for; at the path's own end it would come too
@@ -119,12 +119,12 @@ def place_of_seam(rounded: RoundedPath, path: Path, low: float) -> float | None:
     long = straight & (curve.breaks[:-1] >= low - NANOMETRE) & (curve.spans >= STRAIGHT - NANOMETRE)
     for piece in np.flatnonzero(long).tolist():
         sigma = float(curve.breaks[piece] + _SHARE * curve.spans[piece])
-        if isinstance(path.segments[_segment_at(rounded.waypoints, sigma)], Line):
+        if isinstance(path.segments[_find_segment(rounded.waypoints, sigma)], Line):
             return sigma
     return None
 
 
-def seam_at(trajectory: Trajectory, sigma: float) -> Seam | None:
+def cut_at(trajectory: Trajectory, sigma: float) -> Seam | None:
     """Cut a window where its profile passes ``sigma`` [mm]; None: it has no knot there."""
     path, knots = trajectory.path, trajectory.profile.knots
     assert isinstance(path, CarriagePath)
@@ -138,10 +138,10 @@ def seam_at(trajectory: Trajectory, sigma: float) -> Seam | None:
     machine, checked = path.machine, path.checked
     offset = np.subtract(machine.work_frame, machine.tool_offset)
     place = as_point(checked.curve.position(sigma) - offset, "seam")
-    return Seam(part, _segment_at(np.array(checked.waypoints), sigma), place, Lead(way))
+    return Seam(part, _find_segment(np.array(checked.waypoints), sigma), place, Lead(way))
 
 
-def rest_of(path: Path, segment: int, place: Point) -> Path:
+def take_rest(path: Path, segment: int, place: Point) -> Path:
     """Return a path from a place on one of its lines on."""
     line = path.segments[segment]
     return replace(
@@ -152,7 +152,7 @@ def rest_of(path: Path, segment: int, place: Point) -> Path:
     )
 
 
-def _segment_at(waypoints: FloatArray, sigma: float) -> int:
+def _find_segment(waypoints: FloatArray, sigma: float) -> int:
     """Return the index of the segment that holds sigma."""
     inside = int(np.searchsorted(waypoints, sigma, side="right")) - 1
     return min(max(inside, 0), waypoints.size - 2)

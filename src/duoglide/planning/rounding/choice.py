@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import exp, inf, isfinite, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,25 +27,50 @@ from duoglide.motion.rounding.cut_backs import EXACT
 from duoglide.planning.compare import less
 from duoglide.planning.timing.span import Rough, estimate
 from duoglide.planning.timing.timed_curve import TimedCurve
+from duoglide.planning.tolerances import ALIKE
 
-_USUAL = -0.15, 0.5  # balance and shape where no trials are made
-_BALANCES = (-0.15, 0.15, -0.45, -0.75)  # of the first look, the plainest first
-_BOTH_WAYS = (0.0, -0.3, 0.3)  # where neither side is the shorter one: alike seen from either end
-_SHAPE = 0.5  # of the first look
-_SHARPER = 0.6  # the same with the plainest three balances
-_ROUNDER = 0.4  # the same with the plainest one alone: good where there is little room
-_STEPS = (0.15, 0.05)  # of balance and shape, about the best of the first look
-_LEAST = (-1.6, 0.3)  # balance and shape
-_MOST = (1.6, 0.6)  # beyond that shape, a blend passes its corner on the outside
-_DIGITS = 7  # of a cut-back in mm, beyond which two are one
-_FLAT = 1e-5  # of the time; a parabola that bends less has no peak worth going to
-_EQUAL = 1e-6  # relative; two lines whose lengths differ by less are equally long
-_CELLS = 32
-_MOST_CORNERS = 40  # for more of them no trials are made
-_ALIKE = 1e-12  # relative, of two cut-backs that are one
-_COARSE = 10  # parts of a blend in which its nearest point is looked for
+
+class _Looking(NamedTuple):
+    """Which styles are tried. A balance of -0.15 and a shape of 0.5 are usual.
+
+    Attributes:
+        usual: Balance and shape where no trials are made.
+        balances: Of the first look, the plainest first.
+        both_ways: Balances where neither side is the shorter one: alike seen from either
+            end.
+        shape: Of the first look.
+        sharper: The same with the plainest three balances.
+        rounder: The same with the plainest one alone: good where there is little room.
+        steps: Of balance and shape, about the best of the first look.
+        least: Balance and shape.
+        most: Balance and shape; a rounder blend passes its corner on the outside.
+        digits: Of a cut-back in mm, beyond which two are one.
+        flat: Share of the time; a parabola that bends less has no peak worth going to.
+        cells: Of an estimate.
+        corners: For more of them no trials are made.
+        coarse: Parts of a blend in which its nearest point is looked for.
+        golden: Steps of the golden section there: to 2e-4 of two parts.
+    """
+
+    usual: tuple[float, float] = -0.15, 0.5
+    balances: tuple[float, ...] = (-0.15, 0.15, -0.45, -0.75)
+    both_ways: tuple[float, ...] = (0.0, -0.3, 0.3)
+    shape: float = 0.5
+    sharper: float = 0.6
+    rounder: float = 0.4
+    steps: tuple[float, float] = (0.15, 0.05)
+    least: tuple[float, float] = (-1.6, 0.3)
+    most: tuple[float, float] = (1.6, 0.6)
+    digits: int = 7
+    flat: float = 1e-5
+    cells: int = 32
+    corners: int = 40
+    coarse: int = 10
+    golden: int = 18
+
+
+_LOOK = _Looking()
 _GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
-_GOLDEN_STEPS = 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +131,7 @@ class _Corner:
         under, over = -goal, deviation(high) - goal
         if over <= 0.0:
             return high
-        while high - low > _ALIKE * high:  # regula falsi (Illinois)
+        while high - low > 1e-12 * high:  # regula falsi (Illinois)
             cut = (low * over - high * under) / (over - under)
             here = deviation(cut) - goal
             if abs(here) <= 0.1 * EXACT * goal:
@@ -128,11 +154,11 @@ class _Corner:
             y = rise * (after * (1.0 + v * (3.0 + 6.0 * v)) - way * v * (1.0 + 3.0 * v))
             return x * x + y * y - 2.0 * self.cosine * x * y
 
-        best = min(range(1, _COARSE), key=lambda k: at(k / _COARSE))
-        low, high = (best - 1) / _COARSE, (best + 1) / _COARSE
+        best = min(range(1, _LOOK.coarse), key=lambda k: at(k / _LOOK.coarse))
+        low, high = (best - 1) / _LOOK.coarse, (best + 1) / _LOOK.coarse
         a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
         at_a, at_b = at(a), at(b)
-        for _ in range(_GOLDEN_STEPS):
+        for _ in range(_LOOK.golden):
             if at_a < at_b:
                 high, b, at_b = b, a, at_a
                 a = high - _GOLDEN * (high - low)
@@ -159,11 +185,11 @@ def choose_blends(machine: Machine, path: Path) -> RoundedPath:
     corners = _find_open_corners(rounded)
     if not corners:
         return rounded
-    if len(corners) > _MOST_CORNERS:
-        return round_again(path, _apply_style(rounded.course, corners, Style(*_USUAL)))
-    balances: tuple[float, ...] = _BALANCES
+    if len(corners) > _LOOK.corners:
+        return round_again(path, _apply_style(rounded.course, corners, Style(*_LOOK.usual)))
+    balances: tuple[float, ...] = _LOOK.balances
     if len(corners) == 1 and corners[0].side == 0:
-        balances, corners = _BOTH_WAYS, [replace(corners[0], side=1)]
+        balances, corners = _LOOK.both_ways, [replace(corners[0], side=1)]
     return _Search(machine, rounded, corners).find_best(balances)
 
 
@@ -191,7 +217,7 @@ def _find_open_corners(rounded: RoundedPath) -> list[_Corner]:
 def _side(lengths: list[float]) -> int:
     """Return 1 where the first of two lines is the shorter one, -1 where it is the longer one."""
     longer = lengths[1] / lengths[0] - 1.0
-    return 0 if abs(longer) < _EQUAL else _sign(longer)
+    return 0 if abs(longer) < ALIKE else _sign(longer)
 
 
 def _sign(value: float) -> int:
@@ -227,11 +253,11 @@ class _Search:
 
     def find_best(self, balances: tuple[float, ...]) -> RoundedPath:
         """Return the path with the quickest blends found, or the plain one if that is quicker."""
-        looks = [(balance, _SHAPE) for balance in balances]
-        looks += [(balance, _SHARPER) for balance in balances[:3]]
-        point = self._choose_quickest([*looks, (balances[0], _ROUNDER)])
+        looks = [(balance, _LOOK.shape) for balance in balances]
+        looks += [(balance, _LOOK.sharper) for balance in balances[:3]]
+        point = self._choose_quickest([*looks, (balances[0], _LOOK.rounder)])
         for axis in (0, 1):
-            point = self._search_along(point, axis, _STEPS[axis])
+            point = self._search_along(point, axis, _LOOK.steps[axis])
         if not less(self._estimate_style(point), self._estimate_path(self._plain)):
             return self._plain
         return self._tried[self._keys[point]][1]
@@ -245,7 +271,7 @@ class _Search:
         low, high = (self._estimate_style(side) for side in sides)
         candidates = [point, *sides]
         bend = low - 2.0 * here + high
-        if _FLAT * here < bend < inf:
+        if _LOOK.flat * here < bend < inf:
             steps = min(max(0.5 * (low - high) / bend, -1.0), 1.0)
             candidates.append(self._move(point, axis, steps * step))
         return self._choose_quickest(candidates)
@@ -261,7 +287,7 @@ class _Search:
     @staticmethod
     def _move(point: tuple[float, float], axis: int, step: float) -> tuple[float, float]:
         values = [point[0], point[1]]
-        values[axis] = min(max(values[axis] + step, _LEAST[axis]), _MOST[axis])
+        values[axis] = min(max(values[axis] + step, _LOOK.least[axis]), _LOOK.most[axis])
         return values[0], values[1]
 
     def _estimate_style(self, point: tuple[float, float]) -> float:
@@ -269,7 +295,9 @@ class _Search:
         if point not in self._keys:
             course = _apply_style(self._plain.course, self._corners, Style(*point))
             blends = [corner for corner in course.corners if isinstance(corner, Blend)]
-            key = tuple(round(v, _DIGITS) for b in blends for v in (b.before, b.after, b.shape))
+            key = tuple(
+                round(v, _LOOK.digits) for b in blends for v in (b.before, b.after, b.shape)
+            )
             self._keys[point] = key
             if key not in self._tried:
                 rounded = round_again(self._plain.path, course)
@@ -285,12 +313,12 @@ class _Search:
             spans = list(pairwise([0.0, *curve.rests, curve.end]))
             like: list[Rough | None] = [*self._like]
             if len(like) != len(spans):  # the first style, or one with other rests
-                found = [estimate(timed, *span, _CELLS) for span in spans]
+                found = [estimate(timed, *span, _LOOK.cells) for span in spans]
                 if not all(isfinite(rough.duration) for rough in found):
                     return inf
                 self._like = self._like or found
                 like = [*found]
             pairs = zip(spans, like, strict=True)
-            return sum(estimate(timed, *span, _CELLS, one).duration for span, one in pairs)
+            return sum(estimate(timed, *span, _LOOK.cells, one).duration for span, one in pairs)
         except (UnreachableError, SingularityError):
             return inf

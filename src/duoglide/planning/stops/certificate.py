@@ -16,6 +16,8 @@ rising rates have bounds of their own.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from duoglide.arrays import FloatArray
@@ -23,22 +25,37 @@ from duoglide.motion.motion import Motion
 from duoglide.motion.profile import Profile
 from duoglide.motion.stop_bounds import RateTable, StopBounds
 from duoglide.planning.compare import first_least, whole
-from duoglide.planning.stops.kernel import largest_slopes, windows
+from duoglide.planning.stops.kernel import find_largest_slopes, find_windows
 from duoglide.planning.tolerances import CHUNK
 
-CELL = 0.002  # s of path time, at the least
-_CELLS_A_STOP = 40  # that are enough, if stops are so slow
-SAMPLES = 6  # a cell
-LARGEST_SLOPE = 250.0  # 1/s: no stop is asked to be quicker than 8 ms
-RESERVE = 0.02  # what a change may use at least, as a share of each stop limit
+
+class _Cells(NamedTuple):
+    """How finely stops along a motion are certified.
+
+    Attributes:
+        shortest: Path time of a cell, at the least [s].
+        per_stop: Cells that are enough for a stop, if stops are slow.
+        most: Cells of a motion, at most.
+        samples: Of the motion in a cell.
+        slope: Of the rate [1/s]: no stop is asked to be quicker than 8 ms.
+        reserve: Share of each stop limit that a change may use at least.
+    """
+
+    shortest: float = 0.002
+    per_stop: int = 40
+    most: int = 100_000
+    samples: int = 6
+    slope: float = 250.0
+    reserve: float = 0.02
+
+
+_CELLS = _Cells()
 _SHAPES = np.array([1.0, 0.5, 0.2])  # rho
 _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in what r' may be;
 # below 1/2 every term is smaller than at 1/2
-_LIMITED = ("acceleration", "jerk")
-_MOST_CELLS = 100_000
 
 
-def stop_bounds(motion: Motion) -> StopBounds:
+def certify_stops(motion: Motion) -> StopBounds:
     """Return the certified bounds of any change of the path rate along ``motion``.
 
     Where the plan itself uses nearly all of ``machine.stop_limits``, the bounds leave a change
@@ -47,9 +64,9 @@ def stop_bounds(motion: Motion) -> StopBounds:
     """
     duration = motion.duration
     if duration <= 0.0:
-        return StopBounds.constant(0.0, LARGEST_SLOPE, LARGEST_SLOPE**2)
-    cells = whole(duration / _cell_length(motion))
-    falling, rising = (_table(allowed, duration) for allowed in _find_slopes(motion, cells))
+        return StopBounds.constant(0.0, _CELLS.slope, _CELLS.slope**2)
+    cells = whole(duration / _choose_cell_length(motion))
+    falling, rising = (_choose_shapes(allowed, duration) for allowed in _find_slopes(motion, cells))
     return StopBounds(duration, falling, rising)
 
 
@@ -60,12 +77,12 @@ def stop_bounds_until(motion: Motion, end: float) -> StopBounds:
         motion: The whole of it, to rest.
         end: Where another motion takes over, unless a change is under way [s], above 0.
     """
-    first = whole(end / _cell_length(motion))
+    first = whole(end / _choose_cell_length(motion))
     cells = whole(motion.duration / (end / first))
     longer = _prolong(motion, end / first * cells)
     tables = []
     for allowed in _find_slopes(longer, cells):
-        table = _table(allowed, longer.duration)
+        table = _choose_shapes(allowed, longer.duration)
         reach = np.minimum(table.until, motion.duration)
         tables.append(RateTable(table.slope[:first], table.bend[:first], reach[:first]))
     return StopBounds(end, *tables)
@@ -79,13 +96,13 @@ def _prolong(motion: Motion, duration: float) -> Motion:
     return Motion(motion.path, Profile.join([profile, Profile.rest(profile.end, seconds)]))
 
 
-def _cell_length(motion: Motion) -> float:
+def _choose_cell_length(motion: Motion) -> float:
     """Return how long a cell of path time lasts, at most [s]."""
-    least = _least_stop(motion) / _CELLS_A_STOP
-    return max(CELL, motion.duration / _MOST_CELLS, least)
+    least = _estimate_stop(motion) / _CELLS.per_stop
+    return max(_CELLS.shortest, motion.duration / _CELLS.most, least)
 
 
-def _least_stop(motion: Motion) -> float:
+def _estimate_stop(motion: Motion) -> float:
     """Return how long the fastest carriage alone would need to stop [s], about."""
     limits = motion.machine.stop_limits
     speeds = np.abs(motion.at(np.linspace(0.0, motion.duration, 101)).velocity)
@@ -95,23 +112,24 @@ def _least_stop(motion: Motion) -> float:
 
 def _find_slopes(motion: Motion, cells: int) -> FloatArray:
     """Return the largest R1 of each shape and cell, falling and rising, (2, shapes, cells)."""
-    limits = np.stack([getattr(motion.machine.stop_limits, name) for name in _LIMITED])
+    allowed = motion.machine.stop_limits
+    limits = np.stack([allowed.acceleration, allowed.jerk])
     share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
     both = np.empty((2, _SHAPES.size, cells))
     for begin in range(0, cells, CHUNK):
         part = slice(begin, min(begin + CHUNK, cells))
         peaks = _bound_peaks(motion, cells, part)
         for k, rho in enumerate(_SHAPES.tolist()):
-            found = np.full((2, peaks.shape[2]), LARGEST_SLOPE)
+            found = np.full((2, peaks.shape[2]), _CELLS.slope)
             levels = _LEVELS[1:], share[k]
-            largest_slopes(peaks, (limits, RESERVE * limits), levels, rho, found)
+            find_largest_slopes(peaks, (limits, _CELLS.reserve * limits), levels, rho, found)
             both[:, k, part] = found
     return both
 
 
-def _table(allowed: FloatArray, duration: float) -> RateTable:
+def _choose_shapes(allowed: FloatArray, duration: float) -> RateTable:
     """Choose for each cell the shape with the quickest change."""
-    slope, until = _through_windows(allowed, duration)
+    slope, until = _allow_in_windows(allowed, duration)
     best = first_least((1.0 + _SHAPES[:, None]) / slope)
     columns = np.arange(best.size)
     chosen = slope[best, columns]
@@ -127,20 +145,20 @@ def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     Returns:
         Largest positive and largest negative values, both as amounts, shape (2, 3, n, 3).
     """
-    step = motion.duration / (cells * SAMPLES)
-    times = np.arange(part.start * SAMPLES - 1, part.stop * SAMPLES + 2) * step
+    step = motion.duration / (cells * _CELLS.samples)
+    times = np.arange(part.start * _CELLS.samples - 1, part.stop * _CELLS.samples + 2) * step
     state = motion.at(np.clip(times, 0.0, motion.duration))
     one = np.stack([state.velocity, state.acceleration, state.jerk])
     signed = np.stack([one, -one])
     between = np.maximum(signed[:, :, 1:], signed[:, :, :-1])
     wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
-    peaks: FloatArray = wide.reshape(2, 3, -1, SAMPLES, 3).max(axis=3)
+    peaks: FloatArray = wide.reshape(2, 3, -1, _CELLS.samples, 3).max(axis=3)
     peaks[:, 1] += 0.5 * step * peaks[:, 2].max(axis=0)
     peaks[:, 0] += 0.5 * step * peaks[:, 1].max(axis=0)
     return np.maximum(peaks, 0.0)
 
 
-def _through_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
+def _allow_in_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
     """Return for each shape and cell the R1 that its whole window allows, and the window's end.
 
     The window of R1 is as long as the way of a stop in path time. It grows cell by cell, and R1
@@ -149,7 +167,7 @@ def _through_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, 
     cells = largest.shape[1]
     cell = duration / cells
     found = [
-        windows(row, 0.5 * (1.0 + rho) / cell)
+        find_windows(row, 0.5 * (1.0 + rho) / cell)
         for row, rho in zip(largest, _SHAPES.tolist(), strict=True)
     ]
     slope, last = (np.stack(column) for column in zip(*found, strict=True))

@@ -12,7 +12,7 @@ from duoglide.kinematics.compiled import compiled
 
 
 @compiled
-def largest_slopes(peaks: FloatArray, limits: Any, levels: Any, rho: float, out: Any) -> None:
+def find_largest_slopes(peaks: FloatArray, limits: Any, levels: Any, rho: float, out: Any) -> None:
     """Find the largest R1 that each cell allows with R2 = R1^2 / rho, falling and rising.
 
     Each limit is looked at from both sides: what the plan itself adds there is its own peak; with
@@ -53,7 +53,7 @@ def largest_slopes(peaks: FloatArray, limits: Any, levels: Any, rho: float, out:
 
 
 @compiled
-def through_windows(largest: FloatArray, lasting: float, slope: FloatArray, until: Any) -> None:
+def fill_windows(largest: FloatArray, lasting: float, slope: FloatArray, until: Any) -> None:
     """Find the R1 that the whole window of each cell allows, and the last cell of the window.
 
     Args:
@@ -73,8 +73,8 @@ def through_windows(largest: FloatArray, lasting: float, slope: FloatArray, unti
         until[start] = last
 
 
-def windows(largest: FloatArray, lasting: float) -> tuple[FloatArray, Any]:
-    """Return what ``through_windows`` sets."""
+def find_windows(largest: FloatArray, lasting: float) -> tuple[FloatArray, Any]:
+    """Return what ``fill_windows`` sets."""
     slope, until = np.empty(largest.size), np.empty(largest.size, dtype=np.int64)
-    through_windows(largest, lasting, slope, until)
+    fill_windows(largest, lasting, slope, until)
     return slope, until

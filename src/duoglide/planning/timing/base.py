@@ -12,7 +12,7 @@ from math import cbrt, sqrt
 
 import numpy as np
 
-from duoglide.motion.profile import SIGMA, Profile, knots_of_jerks
+from duoglide.motion.profile import SIGMA, Profile, integrate_jerks
 
 
 def plan_seven_phases(start: float, end: float, bounds: tuple[float, float, float]) -> Profile:
@@ -38,6 +38,6 @@ def plan_seven_phases(start: float, end: float, bounds: tuple[float, float, floa
     lasts = (ramp, plateau, ramp, cruise, ramp, plateau, ramp)
     shortest = 1e-9 * sum(lasts)
     phases = [(j, h) for j, h in zip(third, lasts, strict=True) if h > shortest]
-    knots = knots_of_jerks((start, 0.0, 0.0), phases, end)
+    knots = integrate_jerks((start, 0.0, 0.0), phases, end)
     knots[:, SIGMA] = np.minimum(knots[:, SIGMA], end)  # rounding takes no knot beyond it
     return Profile(knots)

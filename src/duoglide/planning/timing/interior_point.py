@@ -22,20 +22,43 @@ from numpy.typing import NDArray
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
 
-MAX_STEPS = 80
+
+class _Stepping(NamedTuple):
+    """How a step of the method is made, and what ends it. Compiled code holds the values.
+
+    Attributes:
+        steps: At most; then it has not converged.
+        back: Share of the way to the nearest bound.
+        back_cost: Share of the way to an infinite cost.
+        eaten: A pivot below this share of the diagonal is lost to rounding.
+        huge: Times the diagonal: the pivot in its place.
+        short: A step that goes less far than this only centres.
+        centre: Share of the gap at which it then aims.
+        first_gap: The first gap, as a share of the cost.
+        rough: From this tolerance on, the first gap is ``rough_gap``.
+        rough_gap: What is at a bound at first leaves it sooner, yet the last digits scatter
+            more.
+        feasible: Of the bounds, which are about 1; rounding alone makes some 1e-8.
+        stationary: Of the cost; the gap decides, rounding alone makes up to 1e-2 here.
+    """
+
+    steps: int = 80
+    back: float = 0.995
+    back_cost: float = 0.9
+    eaten: float = 1e-14
+    huge: float = 1e20
+    short: float = 0.2
+    centre: float = 0.5
+    first_gap: float = 0.1
+    rough: float = 3e-3
+    rough_gap: float = 0.5
+    feasible: float = 1e-6
+    stationary: float = 0.03
+
+
+_STEP = _Stepping()
 WIDTH = 4  # consecutive unknowns that a row touches
-_BACK = 0.995  # how far to go toward the nearest bound
 LEAST_SLACK = 1e-3  # to begin with, where few rows are exceeded and by little
-_EATEN = 1e-14  # A pivot below this share of the diagonal is lost to rounding.
-_HUGE = 1e20
-_SHORT = 0.2  # a step that goes less far than this
-_CENTRE = 0.5  # After a short step, aim at this share of the gap.
-_FIRST_GAP = 0.1  # The first gap is this share of the cost.
-_ROUGH = 3e-3  # From this tolerance on, the first gap is another one.
-_ROUGH_GAP = 0.5  # What is at a bound at first leaves it sooner, yet the last digits scatter more.
-_BACK_COST = 0.9  # how far to go toward an infinite cost
-_FEASIBLE = 1e-6  # of the bounds, which are about 1; rounding alone makes some 1e-8
-_STATIONARY = 0.03  # of the cost; the gap decides, rounding alone makes up to 1e-2 here
 
 
 class Rows(NamedTuple):
@@ -83,8 +106,8 @@ def factor(band: FloatArray, diagonal: FloatArray) -> bool:
         d = band[0, i]
         if not abs(d) < np.inf:
             return False
-        if d <= _EATEN * diagonal[i]:
-            d = _HUGE * diagonal[i]
+        if d <= _STEP.eaten * diagonal[i]:
+            d = _STEP.huge * diagonal[i]
             band[0, i] = d
         end = WIDTH if n - i > WIDTH else n - i
         for j in range(1, end):
@@ -244,8 +267,8 @@ def advance(system: Any, goal: Any, iterate: Any, dx: FloatArray, go: Any) -> No
         move = 0.0
         for j in range(WIDTH):
             move += points[p, j] * dx[first[p] + j]
-        if -move * go_s > _BACK_COST * value[p]:
-            go_s = -_BACK_COST * value[p] / move
+        if -move * go_s > _STEP.back_cost * value[p]:
+            go_s = -_STEP.back_cost * value[p] / move
     for i in range(x.size):
         x[i] += go_s * dx[i]
     for r in range(state.shape[1]):
@@ -299,20 +322,22 @@ def solve(
     band, step = np.empty((WIDTH, n)), np.empty(n)
     newton = (band, np.empty(n), step)
     dual = np.empty(n)
-    share = _ROUGH_GAP if tolerance >= _ROUGH else _FIRST_GAP
+    share = _STEP.rough_gap if tolerance >= _STEP.rough else _STEP.first_gap
     _begin(rows, goal, iterate, least, share)
     system, cost = tuple(rows), tuple(goal)  # numba takes 1 us longer to tell a named tuple
-    for count in range(MAX_STEPS):
+    for count in range(_STEP.steps):
         now, gap, slope, primal = assemble(system, cost, iterate, newton, dual)
-        if gap <= tolerance * now and slope <= _STATIONARY * now and primal <= _FEASIBLE:
+        if gap <= tolerance * now and slope <= _STEP.stationary * now and primal <= _STEP.feasible:
             return count, True
         if not factor(band, band[0].copy()):
             return count, False
         _go_s, _go_z, ahead = find_direction(system, state, newton, 0.0, False)
         target = gap / m * (ahead / gap) ** 3
         go_s, go_z, _ahead = find_direction(system, state, newton, target, True)
-        if min(go_s, go_z) < _SHORT:  # the correction does more harm than good: only centre
-            go_s, go_z, _ahead = find_direction(system, state, newton, _CENTRE * gap / m, False)
-        go = min(1.0, _BACK * go_s), min(1.0, _BACK * go_z)
+        if min(go_s, go_z) < _STEP.short:  # the correction does more harm than good: only centre
+            go_s, go_z, _ahead = find_direction(
+                system, state, newton, _STEP.centre * gap / m, False
+            )
+        go = min(1.0, _STEP.back * go_s), min(1.0, _STEP.back * go_z)
         advance(system, cost, iterate, step, go)
-    return MAX_STEPS, False
+    return _STEP.steps, False

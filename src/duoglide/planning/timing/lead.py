@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 import ruckig
@@ -19,19 +20,37 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import CarriageLimits
 from duoglide.motion.path.rounded import SpeedCap
-from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, knots_of_jerks
+from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile, integrate_jerks
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem
 from duoglide.planning.timing.timed_curve import SigmaCap, TimedCurve
-from duoglide.planning.tolerances import ROUNDING
+from duoglide.planning.tolerances import ALIKE, ROUNDING
 
 ALLOWED = 1.5e-3  # A timing may exceed the lowered velocity limits by this share.
-_EARLY = 3  # cells in which half of that is granted, as what comes before may have used it
-_SPARE = 1.05  # of acceleration, and of what it still adds to the speed at the start
-_TRIES = 12
-_SOFTER = 0.8  # The last phase of a way to rest takes this share of its jerk.
-_LOOKS = 401
-_CLOSE = 0.4  # Knots nearer together than this share of a cell are thinned out.
-_SAFE = 1.0 + 1e-6
+
+
+class _Leading(NamedTuple):
+    """How a motion that is under way already is led on, and on to rest.
+
+    Attributes:
+        early: Cells in which half of ``ALLOWED`` is granted, as what comes before may have
+            used it.
+        spare: Times the acceleration at the start, and times what it still adds to the
+            speed.
+        tries: Each with twice the acceleration of the last one.
+        softer: Share of its jerk that the last phase of a way to rest takes.
+        looks: Samples of a way to rest.
+        close: Share of a cell; knots nearer together are thinned out.
+    """
+
+    early: int = 3
+    spare: float = 1.05
+    tries: int = 12
+    softer: float = 0.8
+    looks: int = 401
+    close: float = 0.4
+
+
+_LEAD = _Leading()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +82,7 @@ class Lead:
         if self.way is None:
             return cap
         _, motion = self._samples(self.way)
-        known = np.interp(cap.sigma, motion[:, 0], motion[:, 1] * _SAFE, right=0.0)
+        known = np.interp(cap.sigma, motion[:, 0], motion[:, 1] * (1.0 + ALIKE), right=0.0)
         return SigmaCap(cap.sigma, np.maximum(cap.speed, known))
 
     def find_known_part(self, problem: RetimingProblem) -> Profile:
@@ -76,8 +95,10 @@ class Lead:
         assert self.way is not None
         times, motion = self._samples(self.way)
         s, v, a = motion[:, :3].T
-        last = -1 - _LOOKS // 50
-        jerk = _SOFTER * a[last] ** 2 / (2.0 * v[last])  # of the last phase, where v = a^2 / 2 j
+        last = -1 - _LEAD.looks // 50
+        jerk = (
+            _LEAD.softer * a[last] ** 2 / (2.0 * v[last])
+        )  # of the last phase, where v = a^2 / 2 j
         jerk = max(jerk, v[last] / self.way.duration**2)
         low = (a < 0.0) & (v - a * a / (2.0 * jerk) <= np.interp(s, sigma, slow))
         k = int(np.argmax(low)) if low.any() else last
@@ -90,13 +111,13 @@ class Lead:
 
     @staticmethod
     def _samples(way: Profile) -> tuple[FloatArray, FloatArray]:
-        times = np.linspace(0.0, way.duration, _LOOKS)
+        times = np.linspace(0.0, way.duration, _LEAD.looks)
         return times, way.at(times)
 
     def grant(self, problem: RetimingProblem) -> RetimingProblem:
         """Return a problem that begins in motion, with a little more speed allowed early on."""
         speed = problem.speed.copy()
-        speed[:_EARLY] /= (1.0 + 0.5 * ALLOWED) ** 2
+        speed[: _LEAD.early] /= (1.0 + 0.5 * ALLOWED) ** 2
         return replace(problem, speed=speed, from_rest=False)
 
     def find_first_motion(self, start: float, end: float, bounds: tuple[float, ...]) -> Profile:
@@ -112,10 +133,13 @@ class Lead:
         """
         length = end - start
         speed = max(bounds[0], self.speed)
-        rate = max(bounds[1], _SPARE * abs(self.acceleration), self.speed**2 / length)
+        rate = max(bounds[1], _LEAD.spare * abs(self.acceleration), self.speed**2 / length)
         third = max(bounds[2], 2.0 * self.acceleration**2 / self.speed, rate**2 / speed)
-        for _ in range(_TRIES):
-            top = max(speed, self.speed + _SPARE * max(self.acceleration, 0.0) ** 2 / (2.0 * third))
+        for _ in range(_LEAD.tries):
+            top = max(
+                speed,
+                self.speed + _LEAD.spare * max(self.acceleration, 0.0) ** 2 / (2.0 * third),
+            )
             found = self._ruckig(start, length, (top, rate, third))
             if found is not None:
                 return found
@@ -146,7 +170,7 @@ class Lead:
         last = times > ROUNDING * times.sum()
         phases = zip(jerks[last].tolist(), times[last].tolist(), strict=True)
         state = (start, self.speed, self.acceleration)
-        return _profile_if_forward(knots_of_jerks(state, phases, start + length))
+        return _profile_if_forward(integrate_jerks(state, phases, start + length))
 
 
 def continue_known(known: Profile, problem: RetimingProblem) -> Retiming:
@@ -171,7 +195,7 @@ def thin(known: Profile, breaks: FloatArray, cells: int) -> FloatArray:
         breaks: Sigma where there are knots anyway, the start among them [mm].
         cells: How many cells there are to be, about.
     """
-    least = _CLOSE * known.duration / cells
+    least = _LEAD.close * known.duration / cells
     taken = np.array([known.time_at(sigma) for sigma in breaks[breaks <= known.end].tolist()])
     kept: list[FloatArray] = []
     before = 0.0
@@ -187,7 +211,7 @@ def _profile_if_forward(knots: FloatArray) -> Profile | None:
     if np.any(np.diff(knots[:, SIGMA]) <= 0.0):
         return None
     profile = Profile(knots)
-    looks = profile.at(np.linspace(0.0, profile.duration, _LOOKS)[:-1])
+    looks = profile.at(np.linspace(0.0, profile.duration, _LEAD.looks)[:-1])
     return profile if bool(np.all(looks[:, 1] > 0.0)) else None
 
 

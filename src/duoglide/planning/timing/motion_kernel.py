@@ -12,11 +12,11 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined, share
 from duoglide.kinematics.derivatives import carriage_jets, root_jet
-from duoglide.motion.curve.jets import arc_jet, polynomial_jet
+from duoglide.motion.curve.jets import evaluate_arc, evaluate_polynomial
 from duoglide.motion.profile import quintic
 
 # Called instead of inlined, they would take half as long again.
-share(root_jet, carriage_jets, quintic, arc_jet, polynomial_jet, inline=True)
+share(root_jet, carriage_jets, quintic, evaluate_arc, evaluate_polynomial, inline=True)
 
 
 @inlined
@@ -24,11 +24,11 @@ def point(local: float, span: float, rate: float, c: FloatArray, out: FloatArray
     """Write position and three derivatives by sigma of one piece of a curve, (4, 3)."""
     for axis in range(3):
         if rate > 0.0:
-            out[0, axis], out[1, axis], out[2, axis], out[3, axis] = arc_jet(
+            out[0, axis], out[1, axis], out[2, axis], out[3, axis] = evaluate_arc(
                 c[:, axis], local, span, rate
             )
         else:
-            out[0, axis], out[1, axis], out[2, axis], out[3, axis] = polynomial_jet(
+            out[0, axis], out[1, axis], out[2, axis], out[3, axis] = evaluate_polynomial(
                 c[:, axis], local, span
             )
 

@@ -24,10 +24,7 @@ from duoglide.planning.timing.rows import POINTS
 from duoglide.planning.timing.solver import Limits, Nodes, solve
 from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 
-_STANDING = float(np.finfo(float).tiny)  # of alpha, at which nothing moves
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
-_MOST_ROUNDS = 30
-_GAIN = 0.02  # Another tangent is worth its time if it gains this share of the duration.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +73,9 @@ class Retiming:
         c0, c1, c2, c3 = self._cubics(delta)[:, :, None]
         u = 0.5 * (1.0 + _NODES)
         alpha = c0 + u * (c1 + u * (c2 + u * c3))
-        alpha = np.maximum(alpha, _STANDING)  # a draft may dip below: it then lasts for ever
+        alpha = np.maximum(
+            alpha, np.finfo(float).tiny
+        )  # a draft may dip below: it then lasts for ever
         result: FloatArray = 0.5 * delta * ((1.0 / np.sqrt(alpha)) @ _WEIGHTS)
         return result
 
@@ -135,13 +134,13 @@ class RetimingProblem:
         """Return the retiming after ``rounds`` tangents and as many more as still gain much."""
         now = self.improve(start, rounds, tolerance)
         last = float(now.durations(self.delta).sum())
-        for _ in range(_MOST_ROUNDS):
+        for _ in range(30):  # far more than there ever are
             again = self._solve(now, tolerance)
             duration = float(again.durations(self.delta).sum())
             if not again.converged or duration >= last:
                 break
             gain, now, last = last / duration - 1.0, again, duration
-            if gain < _GAIN:
+            if gain < 0.02:  # another tangent is not worth its time
                 break
         return now
 

@@ -23,13 +23,33 @@ from duoglide.planning.timing.rows import make_duration_points, make_limit_rows,
 
 WINDOW = 320  # cells
 LONG = 480  # cells, from which on a problem is cut into windows
-_SHRINKS = (0.95, 0.7, 0.45)  # of the last solution, to begin the next one strictly inside; where
+
+
+class _Windows(NamedTuple):
+    """How windows are begun, and how many of them must converge.
+
+    Attributes:
+        shrinks: Times the last solution, to begin the next one strictly inside; where the
+            solver fails from near the bounds, it begins again farther from them.
+        shrink_ends: The same where the ends of windows stay as they are.
+        far: A solution that exceeds a limit by more than this is not slowed to keep it: one
+            place would slow all of it, and the solver would begin far from where it ends.
+        far_slack: Slack with which rows that are exceeded then begin.
+        enough: Share of the windows that must converge, or the sweep has failed.
+    """
+
+    shrinks: tuple[float, ...] = (0.95, 0.7, 0.45)
+    shrink_ends: float = 0.99
+    far: float = 2.0
+    far_slack: float = 0.1
+    enough: float = 0.5
+
+
+_WINDOWS = _Windows()
+
+
 # the solver fails from near the bounds, it begins again farther from them
-_SHRINK_ENDS = 0.99  # the same where the ends of windows stay as they are
-_FAR = 2.0  # A solution that exceeds a limit by more than this is not slowed to keep it: one place
 # would slow all of it, and the solver would begin far from where it ends.
-_FAR_SLACK = 0.1  # Rows that are exceeded then begin with this slack.
-_ENOUGH = 0.5  # A sweep has failed unless this share of the windows converges.
 
 
 class Nodes(NamedTuple):
@@ -116,7 +136,7 @@ def _sweep(limits: Limits, start: Nodes, cuts: NDArray[np.intp], tolerance: floa
     worst = interior_point.measure_excess(
         _make_rows(limits, start), _stack_unknowns(start, _unit(limits))
     )
-    scale = _SHRINK_ENDS / max(1.0, worst)
+    scale = _WINDOWS.shrink_ends / max(1.0, worst)
     now = start.scaled(scale)
     kept = 0
     for low, high in pairwise(cuts.tolist()):
@@ -131,7 +151,7 @@ def _sweep(limits: Limits, start: Nodes, cuts: NDArray[np.intp], tolerance: floa
             here.alpha[:], here.beta[:] = found
         else:
             kept += 1
-    return Solution(now, kept <= (1.0 - _ENOUGH) * (cuts.size - 1), kept)
+    return Solution(now, kept <= (1.0 - _WINDOWS.enough) * (cuts.size - 1), kept)
 
 
 def _solve_window(
@@ -159,9 +179,9 @@ def _solve_window(
     shrinks, slack = [1.0], interior_point.LEAST_SLACK
     if all(at_rest):
         over = interior_point.measure_excess(rows, x)
-        x /= min(max(1.0, over), _FAR)
-        slack = _FAR_SLACK if over > _FAR else slack
-        shrinks = list(_SHRINKS)
+        x /= min(max(1.0, over), _WINDOWS.far)
+        slack = _WINDOWS.far_slack if over > _WINDOWS.far else slack
+        shrinks = list(_WINDOWS.shrinks)
     else:
         rows.bounds[~rows.factors.any(axis=1)] = 1.0  # nothing is left to decide there
     inside, converged = x, False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,23 +18,45 @@ from duoglide.planning.timing.grid import divide_motion
 from duoglide.planning.timing.retiming import Retiming, RetimingProblem, on_grid
 from duoglide.planning.timing.timed_curve import CellMotion, TimedCurve
 from duoglide.planning.timing.use import POINTS, find_largest_use, find_stretch
+from duoglide.planning.tolerances import ALIKE
 
-_ROUNDING = 1e-6
-_LONG = 6  # corrections, after which ``_NEARLY`` is enough
-_NEARLY = 1e-3  # of the duration
-_FINE = 3e-4  # of the duration; a motion that exceeds its limits by less needs no other round
-_RESOLVED = 0.005  # of overshoot between points; a cell with more is divided
-_USED = 0.93  # mean use of the limit that holds a motion back; a cell with less is divided
-_CLOSELY = 33  # points of a cell, where windows did not converge
-_SLIVER = 1e-5  # mm; pieces shorter than this are taken as part of the one beside them
-_SAME = 1e-7  # of the duration; knots nearer than that are one
+
+class _Refining(NamedTuple):
+    """How closely a motion is brought to its limits, and when that is enough.
+
+    Attributes:
+        fine: Share of the duration; a motion that exceeds its limits by less needs no other
+            round.
+        nearly: The same after ``long`` corrections.
+        long: Corrections, after which ``nearly`` is enough.
+        resolved: Overshoot between points; a cell with more is divided.
+        used: Mean use of the limit that holds a motion back; a cell with less is divided.
+        closely: Points of a cell, where windows did not converge.
+        sliver: Length of pieces that are taken as part of the one beside them [mm].
+        same: Share of the duration; knots nearer than that are one.
+        about: Share of the duration, to which an estimate is found.
+        again: Tangents of an estimate that begins from another one.
+        saved: Tangents in the second problem, because it begins from the first one's
+            solution.
+        ramp: To reach a limit in less than the share 1 / ``ramp`` of a cell gains nothing.
+    """
+
+    fine: float = 3e-4
+    nearly: float = 1e-3
+    long: int = 6
+    resolved: float = 0.005
+    used: float = 0.93
+    closely: int = 33
+    sliver: float = 1e-5
+    same: float = 1e-7
+    about: float = 3e-3
+    again: int = 2
+    saved: int = 2
+    ramp: float = 30.0
+
+
+_FIT = _Refining()
 COARSE = "a refinement did not converge: the motion before it is kept"
-_UNCORRECTED = "a correction of overshoots did not converge: the whole is slowed instead"
-_NOT_CONVERGED = "the interior-point method did not converge"
-_ABOUT = 3e-3  # of the duration, to which an estimate is found
-_AGAIN = 2  # tangents of an estimate that begins from another one
-_SAVED = 2  # tangents in the second problem, because it begins from the first one's solution
-_RAMP = 30.0  # to reach a limit in less than the share 1 / _RAMP of a cell gains nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +109,8 @@ def time_span(timed: TimedCurve, start: float, end: float, effort: Effort) -> Sp
         effort = effort.use_more_cells()
         found = search.soften_limits(effort).find_quickest(effort)
     if found is None:
-        return Span(search.slow_base(), TimingMethod.CERTIFIED_SLOW, _NOT_CONVERGED)
+        reason = "the interior-point method did not converge"
+        return Span(search.slow_base(), TimingMethod.CERTIFIED_SLOW, reason)
     if search.fixed.size > 2:
         return found
     simple = search.slow_base()  # which is the optimum where all carriages move alike
@@ -148,9 +172,9 @@ def estimate(
     times = search.divide_base(clock, cells, 4)
     problem = search.state_problem(times)
     if like is None:
-        found = problem.settle(problem.uniform(), 1, _ABOUT)
+        found = problem.settle(problem.uniform(), 1, _FIT.about)
     else:
-        found = problem.improve(like.adapt_retiming(search.fixed, times), _AGAIN, _ABOUT)
+        found = problem.improve(like.adapt_retiming(search.fixed, times), _FIT.again, _FIT.about)
     if not found.converged:
         return Rough(inf, search.fixed, times, times, found)
     shown = np.append(0.0, np.cumsum(found.durations(problem.delta)))
@@ -208,7 +232,7 @@ class Search:
         motion is as quick, but bends more sharply than cells can show.
         """
         cells = max(effort.cells, effort.per_piece * (self.fixed.size - 1))
-        timed = self.timed.soften_limits(_RAMP * cells / self.base.duration)
+        timed = self.timed.soften_limits(_FIT.ramp * cells / self.base.duration)
         if np.array_equal(timed.limits, self.timed.limits):
             return self
         return Search.between(timed, self.sigma[0], self.sigma[-1])
@@ -219,8 +243,8 @@ class Search:
         every = np.union1d(even, self.base.knots[:, TIME])
         near = np.searchsorted(self.fixed, every).clip(1, self.fixed.size - 1)
         gap = np.minimum(every - self.fixed[near - 1], self.fixed[near] - every)
-        every = every[np.abs(gap) > _SAME * self.base.duration]
-        apart = np.diff(every, prepend=-1.0) > _SAME * self.base.duration
+        every = every[np.abs(gap) > _FIT.same * self.base.duration]
+        apart = np.diff(every, prepend=-1.0) > _FIT.same * self.base.duration
         times = np.union1d(every[apart], self.fixed)
         return _slow_to_limits(self.timed, on_grid(self.base, times, self.sigma))
 
@@ -234,12 +258,12 @@ class Search:
         clock = rough.base.knots[:, TIME], rough.profile(first).knots[:, TIME]
         times = self.divide_base(clock, effort.cells, effort.per_piece)
         timed = self.timed.soften_limits(
-            _RAMP * times.size / clock[1][-1]
+            _FIT.ramp * times.size / clock[1][-1]
         )  # the base is slower than that
         search = replace(self, timed=timed)
         problem = search.state_problem(times)
         begin = first.resample(coarse, times)
-        found = problem.settle(begin, max(1, effort.rounds - _SAVED), effort.tolerance)
+        found = problem.settle(begin, max(1, effort.rounds - _FIT.saved), effort.tolerance)
         if not found.converged:
             return None
         for _ in range(effort.refine):
@@ -257,7 +281,7 @@ class Search:
 def find_marks(timed: TimedCurve, start: float, end: float) -> FloatArray:
     """Return sigma of both ends, and of every break between them that needs a knot [mm]."""
     breaks = timed.breaks
-    sliver = min(_SLIVER, 1e-3 * (end - start))
+    sliver = min(_FIT.sliver, 1e-3 * (end - start))
     inner = breaks[(breaks > start + sliver) & (breaks < end - sliver)]
     inner = inner[np.diff(inner, prepend=start) > sliver]
     return np.array([start, *inner, end])
@@ -277,7 +301,7 @@ def fit_bounds(timed: TimedCurve, marked: FloatArray) -> tuple[float, float, flo
 
 def _slow_to_limits(timed: TimedCurve, profile: Profile) -> Profile:
     """Return ``profile``, slowed by one factor so that no limit is exceeded anywhere."""
-    return profile.stretch(find_stretch(find_largest_use(timed, profile)) * (1.0 + _ROUNDING))
+    return profile.stretch(find_stretch(find_largest_use(timed, profile)) * (1.0 + ALIKE))
 
 
 def count_parts(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
@@ -286,8 +310,8 @@ def count_parts(timed: TimedCurve, profile: Profile) -> NDArray[np.intp]:
     A limit is exceeded between points, or none is used all along, as one is at the optimum.
     """
     uses = CellMotion.of(timed, profile, POINTS).uses()
-    over = np.sqrt((uses.max(axis=(1, 2, 3)) - 1.0).clip(0.0) / _RESOLVED)
-    slack = uses.mean(axis=1).max(axis=(1, 2)) < _USED
+    over = np.sqrt((uses.max(axis=(1, 2, 3)) - 1.0).clip(0.0) / _FIT.resolved)
+    slack = uses.mean(axis=1).max(axis=(1, 2)) < _FIT.used
     return np.where(slack, 2, np.clip(np.ceil(over), 1, 4)).astype(np.intp)
 
 
@@ -310,20 +334,20 @@ def _correct_overshoots(
         factor = find_stretch(use)
         if profile.duration * factor < least:
             best, least = (profile, found.kept), profile.duration * factor
-        enough = _NEARLY if turn >= _LONG else _FINE
+        enough = _FIT.nearly if turn >= _FIT.long else _FIT.fine
         if least < (1.0 + enough) * profile.duration or turn == effort.corrections:
             break
         problem = problem.tighten(use)
         again = problem.improve(found, 1, effort.tolerance)
         if not again.converged:
-            remedy = _UNCORRECTED
+            remedy = "a correction of overshoots did not converge: the whole is slowed instead"
             break
         found = again
     profile, kept = best
     if kept:  # such a motion may bend within a cell as no solution does
-        close = find_stretch(find_largest_use(timed, profile, _CLOSELY))
+        close = find_stretch(find_largest_use(timed, profile, _FIT.closely))
         least = max(least, profile.duration * close)
-    profile = profile.stretch(least / profile.duration * (1.0 + _ROUNDING))
+    profile = profile.stretch(least / profile.duration * (1.0 + ALIKE))
     return make_span(profile, f"{kept} windows of it did not converge" if kept else "", remedy)
 
 

@@ -40,11 +40,11 @@ def certify(machine: Machine, path: TransferPath) -> float:
     while low.size:
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         enough = max(seen - _SHARP, SURE) if seen < np.inf else -np.inf
-        here, lowest = room_on(machine, _patch(path, middle, half), enough)
+        here, lowest = room_on(machine, _cover_cells(path, middle, half), enough)
         seen = min(seen, float(here.clearance.min()))
         left = np.minimum(np.minimum(here.clearance, here.keep_out), here.carriage_margin)
         if left.min() <= TOUCHING:
-            raise _refusal(machine, path, float(middle[np.argmin(left)]))
+            raise _describe_refusal(machine, path, float(middle[np.argmin(left)]))
         open_ = (lowest.clearance < max(seen - _SHARP, SURE)) | (lowest.keep_out < SURE)
         open_ |= lowest.carriage_margin < SURE
         sure = min(sure, float(lowest.clearance[~open_].min(initial=np.inf)))
@@ -53,7 +53,7 @@ def certify(machine: Machine, path: TransferPath) -> float:
             np.concatenate([middle[open_], high[open_]]),
         )
         if low.size and np.min(high - low) < _FINEST * path.duration:
-            raise _refusal(machine, path, float(low[0]))
+            raise _describe_refusal(machine, path, float(low[0]))
     return sure + machine.clearance
 
 
@@ -91,7 +91,7 @@ def keeps(
     return True
 
 
-def _patch(path: TransferPath, middle: FloatArray, half: FloatArray) -> Patch:
+def _cover_cells(path: TransferPath, middle: FloatArray, half: FloatArray) -> Patch:
     """Return where the carriages are in cells of time, each within one piece."""
     states = path.derivatives(middle)
     half = half[:, None]
@@ -103,15 +103,15 @@ def _require_rails(machine: Machine, path: TransferPath) -> None:
     """Require travel and carriage order at the extremes of the polynomials."""
     table, spans = path.polynomials, np.diff(path.breaks)
     columns = np.concatenate([table, (table[..., 1] - table[..., 0])[..., None]], axis=-1)
-    turns = _turning_times(columns, spans[:, None])
+    turns = _find_turning_times(columns, spans[:, None])
     times = np.concatenate([path.breaks, (path.breaks[:-1, None] + turns).ravel()])
     here = room(machine, path.derivatives(times)[:, 0])
     rails = np.minimum(here.travel, here.order)
     if rails.min() <= TOUCHING:
-        raise _refusal(machine, path, float(times[np.argmin(rails)]))
+        raise _describe_refusal(machine, path, float(times[np.argmin(rails)]))
 
 
-def _turning_times(columns: FloatArray, spans: FloatArray) -> FloatArray:
+def _find_turning_times(columns: FloatArray, spans: FloatArray) -> FloatArray:
     """Return where cubics (n, 4, c) have zero derivative, clipped into their spans, (2, n, c)."""
     _, b, c, d = np.moveaxis(columns, 1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,7 +122,7 @@ def _turning_times(columns: FloatArray, spans: FloatArray) -> FloatArray:
     return clipped
 
 
-def _refusal(machine: Machine, path: TransferPath, time: float) -> PathError:
+def _describe_refusal(machine: Machine, path: TransferPath, time: float) -> PathError:
     """Say what fails at ``time``, and how far along the platform's path that is."""
     before = np.linspace(0.0, time, 257)
     carriages = path.derivatives(before)[:, 0]

@@ -18,11 +18,11 @@ from duoglide.errors import InputError, PathError, SingularityError, Unreachable
 from duoglide.kinematics.headroom.room import TOUCHING, locate, room
 from duoglide.kinematics.model import inverse, inverse_derivatives, jacobian
 from duoglide.machine import Machine
+from duoglide.planning.tolerances import ALIKE
 
 _SAMPLES = 16  # A way to stop is looked at in so many places.
 _SLACK = 0.05  # mm that is left of every bound where there is so much to begin with
 # A motion counts as straight if no more than this share of its acceleration points aside.
-_ALONG = 1e-6
 _ROUNDING = 5e-6  # mm, within which a clearance is known
 
 
@@ -99,7 +99,7 @@ class Jog:
         self._question = ruckig.InputParameter(3)
         self._question.control_interface = ruckig.ControlInterface.Velocity
         self._question.synchronization = ruckig.Synchronization.No
-        self._stop = self._towards(self._state, np.zeros(3))
+        self._stop = self._go_over_to(self._state, np.zeros(3))
         self._since = 0.0
 
     @property
@@ -141,11 +141,11 @@ class Jog:
             return self._carriages
         cycle = self._machine.drives.cycle
         try:
-            ahead = _sample(self._towards(self._state, self._wish), np.array([cycle]))[0]
-            stop = self._towards(ahead, np.zeros(3))
+            ahead = _sample(self._go_over_to(self._state, self._wish), np.array([cycle]))[0]
+            stop = self._go_over_to(ahead, np.zeros(3))
             times = np.linspace(0.0, stop.duration, _SAMPLES + 1)
             states = np.concatenate([self._state[None], _sample(stop, times)])
-            self._blocked = self._objection(states, max(cycle, float(times[1])))
+            self._blocked = self._find_objection(states, max(cycle, float(times[1])))
         except ruckig.RuckigError:
             self._blocked = "acceleration"  # no such way: as good as a way beyond the limits
         if self._blocked:
@@ -158,7 +158,7 @@ class Jog:
         self._carriages = read_only(inverse(self._machine.geometry, self._state[0]))
         return self._carriages
 
-    def _towards(self, state: FloatArray, velocity: FloatArray) -> ruckig.Trajectory:
+    def _go_over_to(self, state: FloatArray, velocity: FloatArray) -> ruckig.Trajectory:
         """Go over to a velocity, straight if the platform does not turn; every axis by itself.
 
         Ruckig's own synchronisation of velocities fails now and then ("error in step 2").
@@ -167,8 +167,8 @@ class Jog:
         share = np.full(3, 1.0 / np.sqrt(3.0))
         size = float(np.linalg.norm(change))
         aside = float(np.linalg.norm(np.cross(acceleration, change)))
-        if size > 0.0 and aside <= _ALONG * size * self._limits.acceleration:
-            share = np.maximum(np.abs(change) / size, _ALONG)
+        if size > 0.0 and aside <= ALIKE * size * self._limits.acceleration:
+            share = np.maximum(np.abs(change) / size, ALIKE)
         question = self._question
         question.max_acceleration = (share * self._limits.acceleration).tolist()
         question.max_jerk = (share * self._limits.jerk).tolist()
@@ -181,7 +181,7 @@ class Jog:
         self._solver.calculate(question, answer)
         return answer
 
-    def _objection(self, states: FloatArray, gap: float) -> str:
+    def _find_objection(self, states: FloatArray, gap: float) -> str:
         """Say what speaks against going through ``states`` (n, 3, 3), at most ``gap`` s apart."""
         machine, limits = self._machine, self._machine.limits
         try:
@@ -198,25 +198,25 @@ class Jog:
         places = rows[:, 0]
         half = machine.geometry.rail_half_length
         for k in range(3):
-            bend = _larger(gap * gap * a[:, k])
+            bend = _take_larger(gap * gap * a[:, k])
             if not _keeps(half - np.abs(places[:, k]), places[:, k, None], bend):
                 return "travel"
         apart = places[:, 1] - places[:, 0]
-        bend = _larger(2.0 * gap * gap * a.max(axis=-1))
+        bend = _take_larger(2.0 * gap * gap * a.max(axis=-1))
         if not _keeps(apart - machine.carriage_width, apart[:, None], bend):
             return "order"
         spread = np.linalg.norm(a, axis=-1) + np.linalg.norm(states[:, 2], axis=-1)
-        return self._in_the_way(states, places, gap, spread)
+        return self._describe_lack(states, places, gap, spread)
 
-    def _in_the_way(
+    def _describe_lack(
         self, states: FloatArray, carriages: FloatArray, gap: float, reach: FloatArray
     ) -> str:
         """Say what is missing of clearances, which y does not change, or of distance to boxes."""
-        position, bend = states[:, 0], _bends(states, gap, self._limits.jerk)
+        position, bend = states[:, 0], _bound_bends(states, gap, self._limits.jerk)
         flat = position * np.array([1.0, 0.0, 1.0])
         reserve = _SLACK + float(bend.max())
         beside = carriages - position[:, 1:2]
-        swing = _larger(gap * gap * reach)
+        swing = _take_larger(gap * gap * reach)
         near = self._loose.holds(beside, _SLACK + float(swing.max()))
         if near and self._clear.holds(flat, reserve) and self._free.holds(position, reserve):
             return ""
@@ -246,7 +246,7 @@ def _keeps(margin: FloatArray, places: FloatArray, bend: FloatArray) -> bool:
     return bool(margin.min() >= floor and between.min() > TOUCHING)
 
 
-def _bends(states: FloatArray, gap: float, jerk: float) -> FloatArray:
+def _bound_bends(states: FloatArray, gap: float, jerk: float) -> FloatArray:
     """Bound acceleration times time squared between samples at most ``gap`` s apart, (n - 1,).
 
     The acceleration is at most half a gap's jerk larger than at the ends. A straight motion leaves
@@ -254,20 +254,20 @@ def _bends(states: FloatArray, gap: float, jerk: float) -> FloatArray:
     changes sign from sample to sample, or is braked at the first and driven at the second.
     """
     v, a = states[:, 1], states[:, 2]
-    bends: FloatArray = gap * gap * (_larger(np.linalg.norm(a, axis=-1)) + 0.5 * jerk * gap)
+    bends: FloatArray = gap * gap * (_take_larger(np.linalg.norm(a, axis=-1)) + 0.5 * jerk * gap)
     both = np.concatenate([v, gap * a])
     longest = both[np.argmax((both * both).sum(axis=-1))]
     way = longest / max(float(np.linalg.norm(longest)), 1e-300)
     speed, drive = v @ way, a @ way
     aside = np.linalg.norm(both - (both @ way)[:, None] * way, axis=-1)
-    if aside.max() > _ALONG * np.linalg.norm(longest):
+    if aside.max() > ALIKE * np.linalg.norm(longest):
         return bends
     back = speed[1:] * speed[:-1] < 0.0
     back |= ((speed * drive)[:-1] < 0.0) & ((speed * drive)[1:] > 0.0)
     return np.where(back, bends, 0.0)
 
 
-def _larger(samples: FloatArray) -> FloatArray:
+def _take_larger(samples: FloatArray) -> FloatArray:
     """Return the larger of each two neighbours, (n - 1,)."""
     larger: FloatArray = np.maximum(samples[1:], samples[:-1])
     return larger

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import ruckig
@@ -29,20 +30,38 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.planning.compare import first_least
-from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.trajectory import Trajectory
 from duoglide.planning.transfer.certificate import keeps
-from duoglide.planning.transfer.rest_to_rest import rest_to_rest
+from duoglide.planning.transfer.rest_to_rest import plan_rest_to_rest
 
-RESERVE = 1.0  # mm that the way out ends beyond every bound, if there is so much
 CREEP = 20.0  # mm/s
-_SAMPLES = 400  # Each leg is looked at in so many places.
-_LEGS = 12
-_LOOKS = 3
-_STEPS = (0.5, 2.0, 8.0, 32.0)  # mm straight away from a surface
-_LOSS = 2e-6  # mm, within which a clearance is known
-_APART = -1e6  # mm: the margin where the links do not close
-_RAMP = 0.2  # s to creep speed, at the least
+RESERVE = 1.0  # mm that the way out ends beyond every bound, if there is so much
+
+
+class _WayOut(NamedTuple):
+    """How a way out is looked for.
+
+    Attributes:
+        samples: Places in which each leg of the way is looked at.
+        legs: Of the way, at most.
+        looks: Times that a direction is improved.
+        steps: Straight away from a surface, tried in turn [mm].
+        loss: Within which a clearance is known [mm].
+        apart: What counts as the margin where the links do not close [mm].
+        ramp: Time to creep speed, at the least [s].
+    """
+
+    samples: int = 400
+    legs: int = 12
+    looks: int = 3
+    steps: tuple[float, ...] = (0.5, 2.0, 8.0, 32.0)
+    loss: float = 2e-6
+    apart: float = -1e6
+    ramp: float = 0.2
+
+
+_WAY = _WayOut()
 
 
 def recover(machine: Machine, carriages: ArrayLike, speed: float = CREEP) -> Trajectory:
@@ -76,33 +95,33 @@ def recover(machine: Machine, carriages: ArrayLike, speed: float = CREEP) -> Tra
         )
     corners = [start]
     while not _is_legal(machine, corners[-1]):
-        if len(corners) > _LEGS:
-            raise _no_way(machine, start)
-        corners.append(_next_corner(machine, corners[-1]))
-    return _trajectory(machine, corners, creep)
+        if len(corners) > _WAY.legs:
+            raise _refuse_way(machine, start)
+        corners.append(_find_next_corner(machine, corners[-1]))
+    return _join_corners(machine, corners, creep)
 
 
 def _is_legal(machine: Machine, carriages: FloatArray) -> bool:
     return bool(room(machine, carriages[None]).least()[0] > TOUCHING)
 
 
-def _next_corner(machine: Machine, here: FloatArray) -> FloatArray:
+def _find_next_corner(machine: Machine, here: FloatArray) -> FloatArray:
     """Return where the best leg from ``here`` ends: legal if one is, else as far as it is good."""
     best, gain = here, 0.0
     before = float(room(machine, here[None]).least()[0])
-    for target in _targets(machine, here):
-        end, margin = _way_toward(machine, here, target)
-        better = margin > 0.0 >= before + gain or margin - before > gain + _LOSS
+    for target in _list_targets(machine, here):
+        end, margin = _find_way_toward(machine, here, target)
+        better = margin > 0.0 >= before + gain or margin - before > gain + _WAY.loss
         if better and _is_certain(machine, here, end):
             best, gain = end, margin - before
             if margin > 0.0:
                 break
-    if gain <= _LOSS:
-        raise _no_way(machine, here)
+    if gain <= _WAY.loss:
+        raise _refuse_way(machine, here)
     return best
 
 
-def _targets(machine: Machine, here: FloatArray) -> list[FloatArray]:
+def _list_targets(machine: Machine, here: FloatArray) -> list[FloatArray]:
     """List where legs may lead: along the rails, straight away from the surface, home."""
     g = machine.geometry
     over = np.maximum(np.abs(here) + RESERVE - g.rail_half_length, 0.0) * np.sign(here)
@@ -112,40 +131,42 @@ def _targets(machine: Machine, here: FloatArray) -> list[FloatArray]:
         away = clearance_gradient(g, position)
     except SingularityError:
         return [*targets, home_carriages(machine)]
-    points = position + np.array(_STEPS)[:, None] * away
+    points = position + np.array(_WAY.steps)[:, None] * away
     return [*targets, *inverse(g, points[reachable(g, points)]), home_carriages(machine)]
 
 
-def _way_toward(
+def _find_way_toward(
     machine: Machine, start: FloatArray, target: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Do what ``_good_part`` does, ever more finely, until its answer stays."""
-    end, margin = _good_part(machine, start, target)
-    for _ in range(_LOOKS):
+    """Do what ``_measure_good_part`` does, ever more finely, until its answer stays."""
+    end, margin = _measure_good_part(machine, start, target)
+    for _ in range(_WAY.looks):
         before = end
-        end, margin = _good_part(machine, start, before)
+        end, margin = _measure_good_part(machine, start, before)
         if np.array_equal(end, before):
             break
     return end, margin
 
 
-def _good_part(machine: Machine, start: FloatArray, target: FloatArray) -> tuple[FloatArray, float]:
+def _measure_good_part(
+    machine: Machine, start: FloatArray, target: FloatArray
+) -> tuple[FloatArray, float]:
     """Return how far toward ``target`` one may go, and the least margin there.
 
     A leg is good as long as no margin falls that is too small, and none becomes too small. It ends
     as soon as everything has its reserve.
     """
-    shares = np.linspace(0.0, 1.0, _SAMPLES + 1)[:, None]
+    shares = np.linspace(0.0, 1.0, _WAY.samples + 1)[:, None]
     places = start + shares * (target - start)
     here = room(machine, places)
     margins = np.stack([getattr(here, field.name) for field in fields(here)])
-    kept = np.clip(margins, _APART, RESERVE)
-    lost = np.maximum.accumulate(kept, axis=1) - kept > _LOSS
-    bad = np.any(lost & ((kept < kept[:, :1]) | (margins <= _LOSS)), axis=0)
-    end = int(np.argmax(bad)) - 1 if bad.any() else _SAMPLES
+    kept = np.clip(margins, _WAY.apart, RESERVE)
+    lost = np.maximum.accumulate(kept, axis=1) - kept > _WAY.loss
+    bad = np.any(lost & ((kept < kept[:, :1]) | (margins <= _WAY.loss)), axis=0)
+    end = int(np.argmax(bad)) - 1 if bad.any() else _WAY.samples
     least = kept.min(axis=0)[: end + 1]
-    full = np.flatnonzero(least >= RESERVE - _LOSS)
-    stop = int(full[0]) if full.size else int(first_least(-least, within=_LOSS))
+    full = np.flatnonzero(least >= RESERVE - _WAY.loss)
+    stop = int(full[0]) if full.size else int(first_least(-least, within=_WAY.loss))
     return places[stop], float(least[stop])
 
 
@@ -153,22 +174,22 @@ def _is_certain(machine: Machine, start: FloatArray, end: FloatArray) -> bool:
     """Whether nothing between the samples of a leg is worse than its start, or too small."""
     here = room(machine, start[None])
     clear, apart, free = (
-        min(float(value[0]), 0.0) - _LOSS
+        min(float(value[0]), 0.0) - _WAY.loss
         for value in (here.clearance, here.keep_out, here.carriage_margin)
     )
     return keeps(machine, start, end, (clear, apart, free))
 
 
-def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Trajectory:
+def _join_corners(machine: Machine, corners: list[FloatArray], speed: float) -> Trajectory:
     """Go from corner to corner, at rest in each."""
     limits = CarriageLimits(
         velocity=np.minimum(machine.limits.velocity, speed),
-        acceleration=np.minimum(machine.limits.acceleration, speed / _RAMP),
-        jerk=np.minimum(machine.limits.jerk, 4.0 * speed / _RAMP**2),
+        acceleration=np.minimum(machine.limits.acceleration, speed / _WAY.ramp),
+        jerk=np.minimum(machine.limits.jerk, 4.0 * speed / _WAY.ramp**2),
     )
     breaks, tables = [np.zeros(1)], []
     for start, end in pairwise(corners):
-        times, table = rest_to_rest(start, end, limits, ruckig.Synchronization.Phase)
+        times, table = plan_rest_to_rest(start, end, limits, ruckig.Synchronization.Phase)
         breaks.append(breaks[-1][-1] + times[1:])
         tables.append(table)
     if not tables:
@@ -179,10 +200,10 @@ def _trajectory(machine: Machine, corners: list[FloatArray], speed: float) -> Tr
     path = TransferPath(machine, np.concatenate(breaks), np.concatenate(tables), least)
     report = TimingReport(method=TimingMethod.TRANSFER, reason="recovery at creep speed")
     motion = Motion(path, Profile.steady(path.duration), report=report)
-    return Trajectory.of(motion, stop_bounds(motion))
+    return Trajectory.of(motion, certify_stops(motion))
 
 
-def _no_way(machine: Machine, here: FloatArray) -> PathError:
+def _refuse_way(machine: Machine, here: FloatArray) -> PathError:
     _, quantity, amount = room(machine, here[None]).worst()
     return PathError(
         f"no way out of carriages at {show(here)} mm on which {quantity}, {-amount:.6g} mm too"

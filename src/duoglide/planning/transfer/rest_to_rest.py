@@ -12,14 +12,14 @@ import ruckig
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
 from duoglide.machine import CarriageLimits
-from duoglide.motion.profile import constant_jerk
+from duoglide.motion.profile import advance_state
 
 _LARGEST = 1e7  # a limit this many times what the motion needs is none
 _SAME_TIME = 1e-12  # Ends of phases that are nearer than this share of the duration are one.
 _FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
 
-def rest_to_rest(
+def plan_rest_to_rest(
     start: FloatArray, goal: FloatArray, limits: CarriageLimits, sync: ruckig.Synchronization
 ) -> tuple[FloatArray, FloatArray]:
     """Find the quickest motion of three carriages from rest to rest under their limits.
@@ -56,13 +56,13 @@ def rest_to_rest(
         raise LimitError(f"ruckig finds no transfer within the limits: {error}") from error
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise LimitError(f"ruckig finds no transfer within the limits: {result.name}")
-    breaks, table = _pieces(answer)
+    breaks, table = _read_pieces(answer)
     table *= length / second ** np.arange(4.0)[:, None]
     table[:, 0] += start
     return breaks * second, table
 
 
-def _pieces(answer: ruckig.Trajectory) -> tuple[FloatArray, FloatArray]:
+def _read_pieces(answer: ruckig.Trajectory) -> tuple[FloatArray, FloatArray]:
     """Read ruckig's phases of constant jerk, cut at the phases of all three carriages."""
     phases = [(np.array(p.t), np.array(p.j)) for p in answer.profiles[0]]
     ends = np.concatenate([np.cumsum(t) for t, _ in phases])
@@ -79,5 +79,5 @@ def _pieces(answer: ruckig.Trajectory) -> tuple[FloatArray, FloatArray]:
             jerk = float(j[phase]) if phase < j.size else 0.0
             h = float(breaks[k + 1] - breaks[k])
             table[k, :, carriage] = *state, jerk
-            state = constant_jerk(state, jerk, h)
+            state = advance_state(state, jerk, h)
     return breaks, table / _FACTORIALS[:, None]

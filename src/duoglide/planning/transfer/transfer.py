@@ -19,11 +19,11 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.planning.braking.make_safe import make_brake_safe
-from duoglide.planning.stops.certificate import stop_bounds
+from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.tolerances import PICOMETRE
 from duoglide.planning.trajectory import Trajectory
 from duoglide.planning.transfer.certificate import certify
-from duoglide.planning.transfer.rest_to_rest import rest_to_rest
+from duoglide.planning.transfer.rest_to_rest import plan_rest_to_rest
 
 _SAME_POSE = 1e-5  # mm, between a position and what its own carriages give
 HOME_TOLERANCE = 10.0  # mm, at the deep pose on the way round
@@ -49,14 +49,16 @@ def transfer(
         InputError: Not two positions.
         PathError: An end is not admissible, or none of the ways is; says why for each.
     """
-    here, there = (_position(value, name) for value, name in ((start, "start"), (goal, "goal")))
+    here, there = (
+        _require_position(value, name) for value, name in ((start, "start"), (goal, "goal"))
+    )
     carriages = _require_room(machine, here, "start"), _require_room(machine, there, "goal")
     try:
         return _go_direct(machine, *carriages, brake_safe)
     except (PathError, LimitError) as error:
         first = error
     refused = [f"through carriage space: {first}"]
-    for way, path in _ways_round(machine, here, there):
+    for way, path in _list_ways_round(machine, here, there):
         try:
             return _plan_round(machine, path, brake_safe)
         except DuoglideError as error:
@@ -83,7 +85,7 @@ def transfer_carriages(
     return _go_direct(machine, start, goal, brake_safe)
 
 
-def _position(value: ArrayLike, name: str) -> FloatArray:
+def _require_position(value: ArrayLike, name: str) -> FloatArray:
     position = as_triples(value, name)
     if position.shape != (3,):
         raise InputError(f"{name} must have shape (3,), got {position.shape}")
@@ -99,7 +101,7 @@ def _go_direct(
     first: PathError | None = None
     tried: FloatArray | None = None
     for sync in (ruckig.Synchronization.Phase, ruckig.Synchronization.Time):
-        breaks, table = rest_to_rest(start, goal, machine.limits, sync)
+        breaks, table = plan_rest_to_rest(start, goal, machine.limits, sync)
         if tried is not None and tried.shape == table.shape and np.allclose(tried, table):
             continue  # they are the same where the limits let nothing go straight
         tried = table
@@ -129,7 +131,7 @@ def _time(path: TransferPath, brake_safe: bool) -> Trajectory:
     motion = Motion(path, Profile.steady(path.duration), report=report)
     if brake_safe:
         motion = make_brake_safe(motion)
-    return Trajectory.of(motion, stop_bounds(motion))
+    return Trajectory.of(motion, certify_stops(motion))
 
 
 def _plan_round(machine: Machine, path: Path, brake_safe: bool) -> Trajectory:
@@ -138,7 +140,9 @@ def _plan_round(machine: Machine, path: Path, brake_safe: bool) -> Trajectory:
     return plan(machine, path, brake_safe=brake_safe)
 
 
-def _ways_round(machine: Machine, start: FloatArray, goal: FloatArray) -> list[tuple[str, Path]]:
+def _list_ways_round(
+    machine: Machine, start: FloatArray, goal: FloatArray
+) -> list[tuple[str, Path]]:
     """List the ways to try along programmed paths, which lie in the work frame."""
     shift = np.array(machine.tool_offset) - np.array(machine.work_frame)
     a, b = start + shift, goal + shift

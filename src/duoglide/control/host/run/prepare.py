@@ -104,12 +104,22 @@ def prepare(
 def margin_of(trajectory: Trajectory, machine: Machine) -> Callable[[FloatArray], FloatArray]:
     """Return what a trajectory leaves its carriages, by path time: what ``prepare`` takes.
 
-    No less than what a drive's model tells: a plan that keeps a carriage margin never gets there.
+    Raises:
+        PathError: It leaves them less than a drive's model can tell, so that a carriage might get
+            farther than that without being noticed.
     """
+    least = trajectory.path.carriage_margin
+    if least < LEAST_DEVIATION:
+        raise PathError(
+            f"the plan leaves the carriages {least:.4g} mm before links may part, and what drives"
+            f" do can be told no better than to {LEAST_DEVIATION:g} mm; plan it for a machine"
+            f" with carriage_margin = {LEAST_DEVIATION:g} or more",
+            quantity="carriage_margin",
+            amount=LEAST_DEVIATION - least,
+        )
 
     def at(times: FloatArray) -> FloatArray:
-        position = trajectory.position_at(times)
-        return np.maximum(carriage_margin(machine.geometry, position), LEAST_DEVIATION)
+        return carriage_margin(machine.geometry, trajectory.position_at(times))
 
     return at
 

@@ -13,9 +13,10 @@ from math import floor
 from duoglide.drives import pdo
 from duoglide.drives.pdo import Nmt, NmtState
 from duoglide.drives.simulation.firmware.watchdogs import HEARTBEAT_LOST
+from duoglide.drives.simulation.makers.imitation import CONTRACT, Imitation
 from duoglide.drives.simulation.node.application import AxisApplication
 from duoglide.drives.simulation.node.memory import ParameterMemory
-from duoglide.drives.simulation.node.objects import NodeObjects, read_variables
+from duoglide.drives.simulation.node.objects import NodeObjects
 from duoglide.drives.simulation.node.process_data import ProcessData
 from duoglide.drives.simulation.node.sdo_server import SdoServer
 from duoglide.drives.simulation.plant import Plant
@@ -49,6 +50,8 @@ class DriveNode:
         plant: Plant,
         increments_per_mm: float,
         standstill: Standstill | None = None,
+        *,
+        imitation: Imitation = CONTRACT,
     ) -> None:
         self.node_id = node_id
         self.plant = plant
@@ -58,7 +61,8 @@ class DriveNode:
         self.state = NmtState.BOOT_UP
         self.send: Send = _nowhere
         self._make_axis = make_axis
-        self._variables = read_variables(node_id)
+        self._imitation = imitation
+        self._variables = imitation.variables(node_id)
         self._memory = ParameterMemory()
         self._standstill = standstill or Standstill()
         self._boot_wait = 0.0  # [us]
@@ -67,7 +71,9 @@ class DriveNode:
 
     def _power_up(self) -> None:
         self.axis = self._make_axis()
-        self.objects = NodeObjects(self._variables, self.axis, self._memory, self._standstill)
+        self.objects = NodeObjects(
+            self._variables, self.axis, self._memory, self._standstill, self._imitation
+        )
         self.process_data = ProcessData(self.objects, self.axis, self.node_id)
         self._sdo = SdoServer(self.objects, self._reply)
         self._sdo_queue: list[tuple[float, bytes]] = []  # when to serve, request
@@ -75,7 +81,7 @@ class DriveNode:
         self._heartbeat_age = 0
         self._odd_sync = False  # SYNC with a length that was not agreed
         self.state = NmtState.BOOT_UP
-        self._boot_wait = 1e6 * self.wrong.boot_delay
+        self._boot_wait = 1e6 * max(self.wrong.boot_delay, self._imitation.boot_delay)
         self.axis.tick(0, 0)
 
     def _reply(self, data: bytes) -> None:
@@ -94,7 +100,8 @@ class DriveNode:
                 self._command(data[0])
         elif can_id == pdo.SDO_REQUEST + self.node_id:
             if self.state is not NmtState.STOPPED and len(data) == 8:
-                self._sdo_queue.append((self._clock + 1e6 * self.wrong.sdo_delay, data))
+                delay = max(self.wrong.sdo_delay, self._imitation.sdo_delay)
+                self._sdo_queue.append((self._clock + 1e6 * delay, data))
                 self._serve_sdo()
         elif can_id == pdo.HEARTBEAT + (self.axis.read(0x1016, 1) >> 16):
             self.axis.heartbeat()
@@ -195,6 +202,10 @@ class DriveNode:
             self.plant.coast(not self.axis.brake_released, seconds)
         self.axis.set_inputs(self.inputs | self._limit_switches())
         self.axis.tick(dt, floor((self.plant.measured - self._zero) * self.scale + 0.5))
+        self.tell_emergencies()
+
+    def tell_emergencies(self) -> None:
+        """Send what the application has found to be wrong, at once."""
         for code in self.axis.take_emergencies():
             self._emergency(code)
 

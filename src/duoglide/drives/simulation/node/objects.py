@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from duoglide.drives import standstill
-from duoglide.drives.linear_axis import object_dictionary
 from duoglide.drives.simulation.firmware.objects import (
     DEFAULTS,
     NO_OBJECT,
@@ -14,6 +13,7 @@ from duoglide.drives.simulation.firmware.objects import (
     WRONG_STATE,
     RefusalError,
 )
+from duoglide.drives.simulation.makers.imitation import CONTRACT, Imitation
 from duoglide.drives.simulation.node.application import AxisApplication
 from duoglide.drives.simulation.node.memory import LOAD, RESTORE, SAVE, STORE, ParameterMemory
 from duoglide.drives.standstill import Standstill
@@ -39,15 +39,16 @@ _LIVE = {0x2010, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C, 0x60F4, 0x60FD}
 _MOST_ERRORS = 4  # 0x1003
 
 
-def read_variables(node_id: int) -> dict[tuple[int, int], ODVariable]:
-    """Return every variable of the EDS by index and sub-index."""
-    entries = object_dictionary(node_id).values()
-    variables = (v for e in entries for v in (e.values() if hasattr(e, "values") else (e,)))
-    return {(v.index, v.subindex): v for v in variables}
-
-
 class NodeObjects:
-    """All objects of a drive; those of the application are passed on to it."""
+    """All objects of a drive; those of the application are passed on to it.
+
+    Args:
+        variables: That the drive has, by index and sub-index.
+        axis: Its application.
+        memory: What it keeps without its supply.
+        standstill: That of the drives on its bus.
+        imitation: In what it differs from the contract.
+    """
 
     def __init__(
         self,
@@ -55,7 +56,9 @@ class NodeObjects:
         axis: AxisApplication,
         memory: ParameterMemory,
         standstill: Standstill,
+        imitation: Imitation = CONTRACT,
     ) -> None:
+        self._imitation = imitation
         self._standstill = standstill
         self._axis = axis
         self._memory = memory
@@ -70,7 +73,7 @@ class NodeObjects:
             if key[0] <= last:
                 value = self._memory.stored.get(key, variable.default)
                 self._values[key] = value
-                if key in DEFAULTS and (key[0] < 0x2000 or key in self._memory.stored):
+                if self._is_applied(key) and (key[0] < 0x2000 or key in self._memory.stored):
                     self._axis.write(*key, value)
         self.map_changed = True  # somebody has to look at the PDO parameters again
 
@@ -91,7 +94,9 @@ class NodeObjects:
 
     def read(self, index: int, sub: int) -> int:
         """Return a number from the dictionary."""
-        if index in _LIVE or (index, sub) in DEFAULTS:
+        if (index, sub) in self._imitation.values and (index, sub) not in DEFAULTS:
+            return int(self._values[index, sub])
+        if index in _LIVE or self._is_applied((index, sub)):
             return self._axis.read(index, sub)
         if index == 0x1001:
             return self._axis.error_register
@@ -108,6 +113,8 @@ class NodeObjects:
             raise RefusalError(TOO_HIGH)
         if variable.min is not None and value < variable.min:
             raise RefusalError(TOO_LOW)
+        if value not in self._imitation.allowed.get((index, sub), (value,)):
+            raise RefusalError(OUT_OF_RANGE)
         if index in _COMMANDS:
             _COMMANDS[index](self, value)
             return
@@ -115,9 +122,13 @@ class NodeObjects:
             self._check_pdo(index, sub, value)
         elif index == 0x1019:
             self._check_counter(value)
-        if (index, sub) in DEFAULTS:
+        if self._is_applied((index, sub)):
             self._axis.write(index, sub, value)
         self._values[index, sub] = value
+
+    def _is_applied(self, key: tuple[int, int]) -> bool:
+        """Whether an object is the application's."""
+        return key in DEFAULTS or key == self._imitation.home_object
 
     def _read_error(self, sub: int) -> int:
         """Return one field of the error history; the latest error is the first."""
@@ -203,7 +214,7 @@ class NodeObjects:
 
     def upload(self, index: int, sub: int) -> bytes:
         """Return an object as bytes."""
-        if index == standstill.INDEX and sub == standstill.SIGN:
+        if index == standstill.INDEX and sub == standstill.SIGN and self._imitation == CONTRACT:
             return standstill.signature()
         if index == standstill.INDEX and self._standstill.seconds:
             return self._standstill.agree()

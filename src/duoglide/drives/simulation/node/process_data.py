@@ -10,6 +10,7 @@ from duoglide.drives.simulation.node.objects import NodeObjects
 
 _PDO_TOO_SHORT = 0x8210
 _INVALID = 1 << 31
+_MOST = 8  # PDOs in a direction
 _TIMED = 254  # transmission types from here on act on events
 
 
@@ -52,10 +53,17 @@ class ProcessData:
         """Look at the parameters again; a PDO that they leave alone goes on as it was."""
         self._objects.map_changed = False
         before = [*self._receive.values(), *self._transmit]
-        channels = [self._channel(base + i) for base in (0x1400, 0x1800) for i in (0, 1)]
-        kept = [before[before.index(c)] if c in before else c for c in channels]
-        self._receive = {c.can_id: c for c in kept[:2] if c is not None}
-        self._transmit = [c for c in kept[2:] if c is not None]
+        takes, sends = (
+            [before[before.index(c)] if c in before else c for c in self._channels(first)]
+            for first in (0x1400, 0x1800)
+        )
+        self._receive = {c.can_id: c for c in takes}
+        self._transmit = sends
+
+    def _channels(self, first: int) -> list[Channel]:
+        """Return the PDOs of one direction that are on."""
+        there = (i for i in range(first, first + _MOST) if (i, 1) in self._objects.variables)
+        return [channel for i in there if (channel := self._channel(i)) is not None]
 
     def _channel(self, parameters: int) -> Channel | None:
         read, mapping = self._objects.read, parameters + 0x200

@@ -1,0 +1,195 @@
+"""A drive that brakes by itself leads the others along the path, where the plan allows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from struct import Struct
+
+import numpy as np
+import pytest
+from cell_by_hand import CellByHand, Frame
+from led_runs import FIVE_LINES, LedRuns, by_themselves, fail, given_up
+
+import duoglide as dg
+from duoglide.control.channel.events import Condition, Happening
+from duoglide.control.streamer.braking_drive import BrakingDrive, Trailing
+from duoglide.drives import pdo
+from duoglide.drives.cia402 import State
+
+WORDS = Struct("<Hi")
+AXES = (1, 2, 3)
+
+
+@pytest.fixture(scope="module")
+def runs() -> LedRuns:
+    """Return the runs of an ordinary path of five lines at full speed."""
+    machine = dg.Machine.default()
+    return LedRuns.of(dg.plan(machine, dg.Path.polyline(FIVE_LINES, tolerance=5.0)))
+
+
+def fastest(runs: LedRuns, axis: int) -> int:
+    """Return the cycle, of those that are promised, in which a carriage is the fastest."""
+    cycle = runs.plan.machine.drives.cycle
+    cycles = np.array(runs.promised(axis))
+    return int(cycles[np.argmax(np.abs(runs.plan.at(cycles * cycle).velocity[:, axis - 1]))])
+
+
+def states(cell: CellByHand) -> list[State]:
+    return [drive.state for drive in cell.rack.snapshot()]
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_the_platform_stays_within_a_millimetre_where_that_is_promised(
+    runs: LedRuns, axis: int
+) -> None:
+    cell = runs.until(fastest(runs, axis))
+    fail(cell, axis)
+    assert runs.off_path(cell) < 1.0
+    assert not by_themselves(cell) and not given_up(cell)
+    assert (Condition.FAULT, axis) in cell.tripped()
+    assert [i for i, state in enumerate(states(cell), 1) if state is State.FAULT] == [axis]
+
+
+def test_without_it_the_platform_leaves_its_path_by_more(runs: LedRuns) -> None:
+    cell = LedRuns(runs.plan, None).until(fastest(runs, 1))
+    fail(cell, 1)
+    assert runs.off_path(cell) > 2.0
+    assert by_themselves(cell)
+
+
+def test_a_drive_that_stops_by_its_own_interlock_leads_too(runs: LedRuns) -> None:
+    """It sends no emergency message: its state tells, one cycle later."""
+    cell = runs.until(fastest(runs, 3))
+    cell.rack.nodes[2].axis._quick_stop()
+    assert runs.off_path(cell) < 1.5
+    assert not by_themselves(cell)
+    assert (Condition.NOT_ENABLED, 3) in cell.tripped()
+
+
+def test_a_message_of_a_drive_that_goes_on_stops_all_three_on_the_path(runs: LedRuns) -> None:
+    cell = runs.until(fastest(runs, 1))
+    cell.strange.append((pdo.EMCY + 1, pdo.pack_emergency(0x4210, 8)))
+    assert runs.off_path(cell) < 0.3
+    assert not by_themselves(cell)
+    assert states(cell) == [State.OPERATION_ENABLED] * 3
+
+
+def test_what_is_latched_stays_latched_and_nothing_moves_again(runs: LedRuns) -> None:
+    cell = runs.until(fastest(runs, 1))
+    fail(cell, 1)
+    runs.off_path(cell)
+    before = cell.carriages
+    assert states(cell)[1:] == [State.QUICK_STOP_ACTIVE] * 2
+    cell.run(runs.plan)
+    cell.cycles(50)
+    assert cell.happened(Happening.REFUSED)
+    assert np.abs(cell.carriages - before).max() < 0.01
+
+
+def test_the_others_are_asked_for_no_more_than_twice_the_stop_limits(runs: LedRuns) -> None:
+    cell = runs.until(fastest(runs, 3))
+    fail(cell, 3)
+    since = len(cell.log)
+    runs.off_path(cell)
+    sent = np.array([entry.setpoint for entry in cell.log[since - 3 :]]) / 1000.0
+    asked = np.abs(np.diff(sent, 2, axis=0))[:, :2] / runs.plan.machine.drives.cycle**2
+    assert asked.max() < 1.1 * 2.0 * 90e3
+    assert asked.max() > 90e3  # they catch up harder than a stop on the path does
+
+
+Spoil = Callable[[Frame], list[Frame]]
+
+
+def feedback(axis: int, change: Callable[[int, int], tuple[int, int]]) -> Spoil:
+    """Change what a drive says: statusword and position."""
+
+    def spoil(frame: Frame) -> list[Frame]:
+        if frame[0] != pdo.TPDO1 + axis:
+            return [frame]
+        return [(frame[0], WORDS.pack(*change(*WORDS.unpack(frame[1]))))]
+
+    return spoil
+
+
+def silence(cell: CellByHand) -> None:
+    cell.to_host = lambda frame: [] if frame[0] == pdo.TPDO1 + 1 else [frame]
+
+
+def jump(cell: CellByHand) -> None:
+    cell.to_host = feedback(1, lambda word, place: (word, place + 5000))
+
+
+def freeze(cell: CellByHand) -> None:
+    place = cell.log[-1].actual[0]
+    cell.to_host = feedback(1, lambda word, _: (word, place))
+
+
+def lose_torque(cell: CellByHand) -> None:
+    cell.rack.nodes[0].axis.set_sto(True)
+
+
+def fail_too(cell: CellByHand) -> None:
+    fail(cell, 3)
+
+
+def reboot(cell: CellByHand) -> None:
+    cell.strange.append((pdo.HEARTBEAT + 1, b"\0"))
+
+
+@pytest.mark.parametrize("what", [silence, jump, freeze, fail_too, reboot])
+def test_what_is_not_a_drive_that_brakes_is_not_followed(
+    runs: LedRuns, what: Callable[[CellByHand], None]
+) -> None:
+    """All brake by themselves then, at once and latched; the plan has proved that to be safe."""
+    cell = runs.until(fastest(runs, 1))
+    fail(cell, 1)
+    off = runs.off_path(cell, each=lambda number: what(cell) if number == 4 else None)
+    assert off < np.inf
+    assert by_themselves(cell)
+    assert (Condition.UNLED, 1) in cell.tripped() or what is reboot
+    stopped = cell.happened(Happening.STOPPED)[0].cycle
+    assert stopped - (cell.number - 90) < 10
+
+
+def test_a_drive_that_loses_its_torque_is_not_followed(runs: LedRuns) -> None:
+    cell = runs.until(fastest(runs, 1))
+    lose_torque(cell)
+    assert runs.off_path(cell) < np.inf
+    assert by_themselves(cell)
+
+
+def test_one_lost_feedback_of_the_drive_is_predicted(runs: LedRuns) -> None:
+    cell = runs.until(fastest(runs, 1))
+    fail(cell, 1)
+
+    def lose_one(number: int) -> None:
+        drop = number == 4
+        cell.to_host = lambda frame: [] if drop and frame[0] == pdo.TPDO1 + 1 else [frame]
+
+    assert runs.off_path(cell, each=lose_one) < 1.2
+    assert not by_themselves(cell)
+
+
+def test_at_a_tenth_of_the_speed_the_others_follow_too(runs: LedRuns) -> None:
+    cell = runs.until(10 * fastest(runs, 1), override=0.1)
+    fail(cell, 1)
+    assert runs.off_path(cell) < 1.0
+    assert not by_themselves(cell)
+
+
+@pytest.mark.parametrize("began", [0.05, 0.5, 0.95])
+@pytest.mark.parametrize("harder", [0.95, 1.0, 1.05])
+def test_a_drive_that_brakes_is_told_to_a_quarter_of_a_millimetre_after_some_cycles(
+    began: float, harder: float
+) -> None:
+    """Whenever in its cycle it began, and however far its deceleration is off."""
+    v, d = 8.0, 0.24
+    drive = BrakingDrive(v, v, d, Trailing(0.0, 0.0))
+    for cycles in range(12):
+        t = 1.0 + cycles - began
+        drive.see(v * (began + t) - 0.5 * harder * d * t * t)
+        drive.pass_cycle()
+    t = 13.0 - began + 3.0
+    place, velocity = drive.after(3)
+    assert place == pytest.approx(v * (began + t) - 0.5 * harder * d * t * t, abs=0.25)
+    assert velocity == pytest.approx(v - harder * d * t, abs=0.12)
