@@ -20,6 +20,7 @@ from duoglide.motion.rounding.pieces import RawPath, chain_pieces
 SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a jump needs no blend
 ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
 SHORTEST = 1e-4  # [mm]; to slow down for a shorter blend takes as long as to rest in the corner
+_APPROACHES = 4  # steps towards the place nearest to a waypoint that is no joint
 VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
 
 IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
@@ -214,7 +215,8 @@ def _restore(
         return RoundedCurve(course, curve, joints, *table)
     smooth = course.joint < 0
     waypoints = np.where(smooth, begins[course.inside] + course.offset, joints[course.joint])
-    waypoints = np.maximum.accumulate(np.clip(waypoints, 0.0, curve.end))
+    waypoints[smooth] = _approach(curve, waypoints[smooth], course.points[smooth])
+    waypoints = np.maximum.accumulate(waypoints)
     origin = np.array(course.origin)
     named = np.flatnonzero(origin >= 0)
     full = np.zeros((4, waypoints.size))
@@ -225,6 +227,20 @@ def _restore(
         curve.position(waypoints[beside]) - course.points[beside], axis=-1
     )
     return RoundedCurve(course, curve, waypoints, *full)
+
+
+def _approach(curve: Curve, sigma: FloatArray, points: FloatArray) -> FloatArray:
+    """Go from places on a curve towards those that are nearest to points, never farther away."""
+    sigma = np.clip(sigma, 0.0, curve.end)
+    state = curve.derivatives(sigma)
+    for _ in range(_APPROACHES):
+        slope, off = state[:, 1], points - state[:, 0]
+        step = np.sum(off * slope, axis=1) / np.sum(slope * slope, axis=1)
+        ahead = np.clip(sigma + step, 0.0, curve.end)
+        there = curve.derivatives(ahead)
+        nearer = np.linalg.norm(points - there[:, 0], axis=1) < np.linalg.norm(off, axis=1)
+        sigma, state = np.where(nearer, ahead, sigma), np.where(nearer[:, None, None], there, state)
+    return sigma
 
 
 def _pad(coefficients: FloatArray, rows: int) -> FloatArray:
