@@ -15,7 +15,9 @@ from duoglide.machine import CarriageLimits
 from duoglide.motion.led_stops import PROMISED, LedStops
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.carriage import CarriagePath
+from duoglide.motion.path.path import Path
 from duoglide.motion.picks import count_picks
+from duoglide.motion.rounding.course import explain_sampling
 
 RATE = 20_000.0  # samples per second of the finite differences
 AT_LIMIT = 0.98  # use from which a limit counts as the one that holds the motion back
@@ -84,6 +86,8 @@ class Audit:
         feed_share: For which share of the duration the caps that the program itself sets on the
             tool's speed and acceleration hold the motion back, 0 to 1.
         picks: How many moves up, across and down the motion is made of; 0 where it is another.
+        sampling: Where many short lines that stand for a curve slow the motion down: what would
+            help; empty where nothing does.
     """
 
     velocity: FloatArray
@@ -103,6 +107,7 @@ class Audit:
     stays_on_path: FloatArray
     feed_share: float = 0.0
     picks: int = 0
+    sampling: str = ""
 
     @property
     def worst(self) -> float:
@@ -163,6 +168,8 @@ class Audit:
             )
         if self.fallback:
             lines.append(f"slower certified timing: {self.fallback}")
+        if self.sampling:
+            lines.append(f"slow for its sampling: {self.sampling}")
         return "\n".join(lines)
 
 
@@ -199,7 +206,12 @@ def audit(motion: Motion, led: LedStops | None = None) -> Audit:
         stays_on_path=read_only(np.full(3, np.nan) if led is None else np.array(led.shares)),
         feed_share=_feed_share(motion),
         picks=count_picks(path.checked.path) if isinstance(path, CarriagePath) else 0,
+        sampling=_explain_sampling(path.checked.path) if isinstance(path, CarriagePath) else "",
     )
+
+
+def _explain_sampling(path: Path) -> str:
+    return explain_sampling(path.segments, path.corners, path.halts)
 
 
 Findings: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.intp]]

@@ -348,7 +348,8 @@ def test_ten_thousand_segments_are_certified_together() -> None:
         [-41 + 20 * np.cos(angle), np.linspace(-90, 90, angle.size), 305 + 10 * np.sin(angle)],
         axis=1,
     )
-    checked = dg.check_path(dg.Machine.default(), dg.Path.polyline(points, tolerance=0.01))
+    path = dg.Path.polyline(points, blends=dg.Blend.radius(0.03))
+    checked = dg.check_path(dg.Machine.default(), path)
     assert checked.curve.count > 9_990
     assert checked.curve.rests == ()
 

@@ -48,7 +48,7 @@ def test_a_path_out_of_reach_is_left_to_the_check(machine: dg.Machine) -> None:
 
 
 def test_neighbouring_blends_share_their_segment(machine: dg.Machine) -> None:
-    zigzag = [(-41 + 6 * (k % 2), -50 + 5 * k, 300) for k in range(20)]
+    zigzag = [(-41 + 6 * (k % 2), -50 + 5 * k, 300) for k in range(4)]
     path = choose_blends(machine, dg.Path.polyline(zigzag, 5.0)).path
     lengths = np.linalg.norm(np.diff(np.array(zigzag, dtype=float), axis=0), axis=1)
     for k in range(len(path.corners) - 1):

@@ -30,13 +30,15 @@ from duoglide.motion.path.segments import (
     as_speed,
     describe_segment,
     distance,
+    merge_coincident,
     read_segment,
     require_apart,
     reverse_segment,
     show,
 )
 from duoglide.motion.rounding.blend import Blend, Corner, as_corner, turn_corner
-from duoglide.motion.rounding.round_segments import RoundedCurve, round_segments
+from duoglide.motion.rounding.course import lay_course
+from duoglide.motion.rounding.round_segments import RoundedCurve, round_course
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +48,9 @@ _ARCH_REACH = 2.0  # how much further an arch bends along the way than upwards
 
 @dataclass(frozen=True)
 class Path:
-    """A path of the tool's tip; built by ``line``, ``polyline``, ``arc``, ``through``, ``arch``.
+    """A path of the tool's tip.
+
+    Built by ``line``, ``polyline``, ``arc``, ``through``, ``fitted`` and ``arch``.
 
     Attributes:
         segments: At least one; each begins where the one before ends.
@@ -111,7 +115,8 @@ class Path:
         Args:
             points: Shape (n, 3), n at least 2 [mm].
             tolerance: Corner tolerance of every corner [mm]; 0: come to rest in each. A corner
-                that turns back by more than 170 degrees is a rest, whatever the tolerance.
+                that turns back by more than 170 degrees is a rest, whatever the tolerance. Points
+                that are dense for it become a curve, see ``fitted``; those that coincide, one.
             blends: Instead of a tolerance: one blend for every corner, or one entry per corner.
             speed: Cap on the tool's speed [mm/s]: one for all segments, or one for each.
 
@@ -119,6 +124,10 @@ class Path:
             InputError: Not points, or neighbours coincide, or a rule is broken.
         """
         array = as_triples(points, "points")
+        if blends is None and as_number(tolerance, "tolerance [mm]") > 0.0 and array.ndim == 2:
+            array, kept = merge_coincident(array)
+            if isinstance(speed, Sequence) and len(speed) == kept.size - 1:
+                speed = [cap for cap, stays in zip(speed, kept[1:], strict=True) if stays]
         require_apart(array)
         corners: list[Point] = [(x, y, z) for x, y, z in array.tolist()]
         count = len(corners) - 1
@@ -136,6 +145,30 @@ class Path:
             for a, b, cap in zip(corners[:-1], corners[1:], speeds, strict=True)
         ]
         return cls(tuple(lines), tuple(blends))
+
+    @classmethod
+    def fitted(cls, points: ArrayLike, tolerance: float, *, speed: float | None = None) -> Path:
+        """Build a smooth path within a tolerance of dense points, as of a scanned or sliced curve.
+
+        Points are dense where the lines between them are shorter than the blends that the tolerance
+        allows. There the path becomes a spline of continuous curvature that passes every point
+        within the tolerance and leaves no line by more: that is bounded on every span. It uses
+        what the tolerance leaves to be quick. Corners between longer lines stay corners, rounded
+        within the tolerance. Points that coincide are one.
+
+        Args:
+            points: Shape (n, 3), n at least 2 [mm]; both ends are kept exactly.
+            tolerance: How far the path may be from the points, above 0 [mm].
+            speed: Cap on the tool's speed [mm/s]; None: no cap.
+
+        Raises:
+            InputError: Not points, or the tolerance is not above 0.
+        """
+        if as_number(tolerance, "tolerance [mm]") <= 0.0:
+            raise InputError(
+                f"tolerance = {tolerance:g} mm: must be above 0; Path.through passes points exactly"
+            )
+        return cls.polyline(points, tolerance, speed=speed)
 
     @classmethod
     def arc(
@@ -326,7 +359,7 @@ class Path:
         return notebook_html("Path", [rows], figure)
 
     def _rounded(self) -> RoundedCurve:
-        return round_segments(self.segments, self.corners, self.halts)
+        return round_course(lay_course(self.segments, self.corners, self.halts))
 
     def _marks(self) -> tuple[FloatArray, FloatArray]:
         """Return the waypoints, and those with actions [mm], shapes (n, 3) and (m, 3)."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.path import Path
-from duoglide.motion.rounding.round_segments import RoundedCurve, round_segments
+from duoglide.motion.rounding.blend import Blend
+from duoglide.motion.rounding.course import Course, lay_course
+from duoglide.motion.rounding.round_segments import RoundedCurve, round_course
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class RoundedPath(RoundedCurve):
         ends = self.waypoints.tolist()
         for segment, start, end in zip(self.path.segments, ends[:-1], ends[1:], strict=True):
             speeds = [cap for cap in (segment.speed, self.path.tool_speed) if cap is not None]
-            if not speeds:
+            if not speeds or end <= start:
                 continue
             joined = caps and caps[-1].end == start and caps[-1].speed == min(speeds)
             caps.append(SpeedCap(caps.pop().start if joined else start, end, min(speeds)))
@@ -56,19 +58,33 @@ class RoundedPath(RoundedCurve):
 
 
 def round_corners(path: Path) -> RoundedPath:
-    """Fix every blend of a path, and join its pieces to one curve.
+    """Fit dense points and every blend of a path, and join the pieces to one curve.
 
     Raises:
         PathError: Explicit blends that overlap, are longer than their segment, or stand at a
             reversal.
     """
-    rounded = round_segments(path.segments, path.corners, path.halts)
+    return round_again(path, lay_course(path.segments, path.corners, path.halts))
+
+
+def round_again(path: Path, course: Course) -> RoundedPath:
+    """Round a path on its course, whose corners may have been chosen since.
+
+    Raises:
+        PathError: See ``round_corners``.
+    """
+    rounded = round_course(course)
+    corners = list(path.corners)
+    for waypoint, corner in zip(course.origin[1:-1], course.corners, strict=True):
+        if waypoint > 0 and isinstance(corner, Blend):
+            corners[waypoint - 1] = corner
     return RoundedPath(
+        rounded.course,
         rounded.curve,
         rounded.waypoints,
         rounded.before,
         rounded.after,
         rounded.shape,
         rounded.deviation,
-        path,
+        replace(path, corners=tuple(corners)),
     )

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duoglide.arrays import FloatArray, as_number, as_triples, read_only
+from duoglide.arrays import BoolArray, FloatArray, as_number, as_triples, read_only
 from duoglide.errors import InputError
 
 COINCIDENT = 1e-6  # [mm]; points nearer to each other than this are one point
@@ -290,6 +290,24 @@ def _dot(a: Point, b: Point) -> float:
 def measure_roughness(radius: float) -> float:
     """Return by how much an arc's radii at both ends may differ [mm]."""
     return min(max(ROUGH, ROUGH_SHARE * radius), ROUGHEST)
+
+
+def merge_coincident(points: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Leave out points that coincide with the one before; both ends stay.
+
+    Returns:
+        The points that stay [mm], shape (m, 3), and which of the given ones they are, shape (n,).
+    """
+    kept = np.ones(len(points), dtype=bool)
+    if (np.linalg.norm(np.diff(points, axis=0), axis=1) >= COINCIDENT).all():
+        return points, kept
+    last = 0
+    for i in range(1, len(points)):
+        kept[i] = np.linalg.norm(points[i] - points[last]) >= COINCIDENT
+        last = i if kept[i] else last
+    if last and not kept[-1]:  # the end stays, not the one that it coincides with
+        kept[last], kept[-1] = False, True
+    return points[kept], kept
 
 
 def require_apart(points: FloatArray, least: float = COINCIDENT) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.segments import Arc, Helix, Line, Segment, Spline
+from duoglide.motion.rounding.course import Fitted
 
 _ROWS = 4  # lines, arcs, helices and cubics need no more coefficients
 Rows = tuple[FloatArray, FloatArray, FloatArray]
@@ -29,9 +30,9 @@ class RawPath:
     joints: np.ndarray[Any, np.dtype[np.intp]]
 
 
-def chain_pieces(segments: Sequence[Segment]) -> RawPath:
+def chain_pieces(segments: Sequence[Segment | Fitted]) -> RawPath:
     """Chain the pieces of all segments."""
-    counts = np.array([len(s.through) - 1 if isinstance(s, Spline) else 1 for s in segments])
+    counts = np.array([_count_pieces(segment) for segment in segments])
     first = np.concatenate([[0], np.cumsum(counts)])
     spans, rates = np.zeros(first[-1]), np.zeros(first[-1])
     coefficients = np.zeros((first[-1], _ROWS, 3))
@@ -49,7 +50,16 @@ def chain_pieces(segments: Sequence[Segment]) -> RawPath:
     return RawPath(Curve(spans, rates, coefficients), first[1:-1] - 1)
 
 
-def _make_rows(segment: Segment) -> Rows:
+def _count_pieces(segment: Segment | Fitted) -> int:
+    if isinstance(segment, Spline):
+        return len(segment.through) - 1
+    return segment.fit.spans.size if isinstance(segment, Fitted) else 1
+
+
+def _make_rows(segment: Segment | Fitted) -> Rows:
+    if isinstance(segment, Fitted):
+        fit = segment.fit
+        return fit.spans, np.zeros_like(fit.spans), fit.coefficients
     if isinstance(segment, Arc):
         return _make_arc_rows(segment)
     if isinstance(segment, Helix):

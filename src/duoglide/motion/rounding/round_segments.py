@@ -1,4 +1,4 @@
-"""From segments to one curve: every corner rounded, or a rest."""
+"""From a course of segments to one curve: every corner rounded, or a rest."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ import numpy as np
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import PathError
 from duoglide.motion.curve.curve import Curve
-from duoglide.motion.path.segments import Segment, show
+from duoglide.motion.path.segments import show
 from duoglide.motion.rounding.blend import SHAPE, Blend, Corner, find_nearest, join_quintics
+from duoglide.motion.rounding.course import SHARPEST, Course
 from duoglide.motion.rounding.cut_backs import Corners, cut_backs
 from duoglide.motion.rounding.pieces import RawPath, chain_pieces
 
 SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a jump needs no blend
 ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
-SHARPEST = np.cos(np.radians(170.0))  # corners that turn back further than this are rests
 SHORTEST = 1e-4  # [mm]; to slow down for a shorter blend takes as long as to rest in the corner
 ROUNDED_OFF = 1e-6  # [mm] by which explicit blends may overlap: they are shortened
+_APPROACHES = 4  # steps towards the place nearest to a waypoint that is no joint
 VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
 
 IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
@@ -31,6 +32,7 @@ class RoundedCurve:
     """The curve of segments, and what became of their corners.
 
     Attributes:
+        course: What was rounded.
         curve: The curve, in the coordinates of the segments.
         waypoints: Sigma of each waypoint; on a blend, where it passes nearest [mm], shape (n + 1,).
         before: Cut-back before each waypoint [mm], 0 where there is no blend, shape (n + 1,).
@@ -39,6 +41,7 @@ class RoundedCurve:
         deviation: Distance from the waypoint to the curve [mm].
     """
 
+    course: Course
     curve: Curve
     waypoints: FloatArray
     before: FloatArray
@@ -54,27 +57,20 @@ class RoundedCurve:
         return Blend(float(self.before[i]), float(self.after[i]), float(self.shape[i]))
 
 
-def round_segments(
-    segments: Sequence[Segment], tolerances: Sequence[Corner], halts: Collection[int]
-) -> RoundedCurve:
-    """Fix every blend between segments, and join their pieces to one curve.
-
-    Args:
-        segments: Each begins where the one before ends.
-        tolerances: One per joint of two segments: a corner tolerance [mm] or a ``Blend``.
-        halts: Waypoints at which something is done at rest, by index.
+def round_course(course: Course) -> RoundedCurve:
+    """Fix every blend between the segments of a course, and join their pieces to one curve.
 
     Raises:
         PathError: Explicit blends that overlap, are longer than their segment, or stand at a
             reversal.
     """
-    raw = chain_pieces(segments)
-    rest, rounded = _sort_corners(tolerances, halts, raw)
-    corners = _find_corners_to_round(tolerances, raw, rounded)
+    raw = chain_pieces(course.segments)
+    rest, rounded = _sort_corners(course.corners, course.halts, raw)
+    corners = _find_corners_to_round(course.corners, raw, rounded)
     before, after = cut_backs(raw.curve, corners)
     long = 5.0 * corners.shape * np.minimum(before, after) >= SHORTEST
     rest[corners.waypoint[~long] - 1] = True
-    return _assemble(raw, rest, corners.those(long), before[long], after[long])
+    return _assemble(course, raw, rest, corners.those(long), (before[long], after[long]))
 
 
 def _sort_corners(
@@ -171,9 +167,14 @@ def _fit_explicit_blends(curve: Curve, corners: Corners) -> Corners:
 
 
 def _assemble(
-    raw: RawPath, rest: BoolArray, corners: Corners, before: FloatArray, after: FloatArray
+    course: Course,
+    raw: RawPath,
+    rest: BoolArray,
+    corners: Corners,
+    cuts: tuple[FloatArray, FloatArray],
 ) -> RoundedCurve:
     """Trim the pieces, and put the blends between them."""
+    before, after = cuts
     curve, left = raw.curve, corners.left
     skip, stop = np.zeros(curve.count), curve.spans.copy()
     skip[left + 1] = after
@@ -201,7 +202,53 @@ def _assemble(
     waypoints[corners.waypoint] += u * bend_spans
     table = np.zeros((4, waypoints.size))
     table[:, corners.waypoint] = before, after, corners.shape, deviations
-    return RoundedCurve(whole, waypoints, *table)
+    first = np.concatenate([[0], raw.joints + 1])  # piece of each segment
+    begins = ends[place[first]] - spans[first] - skip[first]
+    return _restore(course, whole, waypoints, table, begins)
+
+
+def _restore(
+    course: Course, curve: Curve, joints: FloatArray, table: FloatArray, begins: FloatArray
+) -> RoundedCurve:
+    """Tell of the programmed waypoints what is known of the joints of a course.
+
+    Args:
+        course: The course.
+        curve: Its curve.
+        joints: Sigma of each joint [mm].
+        table: Cut-backs before and after it, shape and deviation, shape (4, joints).
+        begins: Sigma where each segment would begin if nothing were cut back [mm].
+    """
+    if course.is_plain:
+        return RoundedCurve(course, curve, joints, *table)
+    smooth = course.joint < 0
+    waypoints = np.where(smooth, begins[course.inside] + course.offset, joints[course.joint])
+    waypoints[smooth] = _approach(curve, waypoints[smooth], course.points[smooth])
+    waypoints = np.maximum.accumulate(waypoints)
+    origin = np.array(course.origin)
+    named = np.flatnonzero(origin >= 0)
+    full = np.zeros((4, waypoints.size))
+    full[:, origin[named]] = table[:, named]
+    beside = np.ones(waypoints.size, dtype=bool)
+    beside[origin[named]] = False
+    full[3, beside] = np.linalg.norm(
+        curve.position(waypoints[beside]) - course.points[beside], axis=-1
+    )
+    return RoundedCurve(course, curve, waypoints, *full)
+
+
+def _approach(curve: Curve, sigma: FloatArray, points: FloatArray) -> FloatArray:
+    """Go from places on a curve towards those that are nearest to points, never farther away."""
+    sigma = np.clip(sigma, 0.0, curve.end)
+    state = curve.derivatives(sigma)
+    for _ in range(_APPROACHES):
+        slope, off = state[:, 1], points - state[:, 0]
+        step = np.sum(off * slope, axis=1) / np.sum(slope * slope, axis=1)
+        ahead = np.clip(sigma + step, 0.0, curve.end)
+        there = curve.derivatives(ahead)
+        nearer = np.linalg.norm(points - there[:, 0], axis=1) < np.linalg.norm(off, axis=1)
+        sigma, state = np.where(nearer, ahead, sigma), np.where(nearer[:, None, None], there, state)
+    return sigma
 
 
 def _pad(coefficients: FloatArray, rows: int) -> FloatArray:

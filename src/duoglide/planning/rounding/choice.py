@@ -19,9 +19,10 @@ import numpy as np
 from duoglide.errors import SingularityError, UnreachableError
 from duoglide.machine import Machine
 from duoglide.motion.path.path import Path
-from duoglide.motion.path.rounded import RoundedPath, round_corners
+from duoglide.motion.path.rounded import RoundedPath, round_again, round_corners
 from duoglide.motion.path.segments import Line
 from duoglide.motion.rounding.blend import Blend
+from duoglide.motion.rounding.course import Course
 from duoglide.motion.rounding.cut_backs import EXACT
 from duoglide.planning.compare import less
 from duoglide.planning.timing.span import Rough, estimate
@@ -91,7 +92,7 @@ class _Corner:
     """A corner of two lines that may be rounded within a tolerance.
 
     Attributes:
-        index: In ``Path.corners``.
+        index: In ``Course.corners``.
         cosine: Of the angle by which the path turns.
         tolerance: [mm].
         room: Longest cut-back before and after it [mm].
@@ -186,34 +187,35 @@ def choose_blends(machine: Machine, path: Path, *, trials: bool = True) -> Round
     rounded = round_corners(path)
     if all(isinstance(corner, Blend) or corner == 0.0 for corner in path.corners):
         return rounded
-    corners = _find_open_corners(path, rounded)
+    corners = _find_open_corners(rounded)
     if not corners:
         return rounded
     if not trials or len(corners) > _LOOK.corners:
-        return round_corners(_apply_style(path, corners, Style(*_LOOK.usual)))
+        return round_again(path, _apply_style(rounded.course, corners, Style(*_LOOK.usual)))
     balances: tuple[float, ...] = _LOOK.balances
     if len(corners) == 1 and corners[0].side == 0:
         balances, corners = _LOOK.both_ways, [replace(corners[0], side=1)]
     return _Search(machine, rounded, corners).find_best(balances)
 
 
-def _find_open_corners(path: Path, rounded: RoundedPath) -> list[_Corner]:
+def _find_open_corners(rounded: RoundedPath) -> list[_Corner]:
     """Collect the corners whose blends may be chosen, and the room that each of them has."""
-    blends = [rounded.blend(i) for i in range(len(path.corners))]
+    course = rounded.course
+    blended = [waypoint >= 0 and rounded.shape[waypoint] > 0.0 for waypoint in course.origin]
     found = []
-    for i, (one, other) in enumerate(pairwise(path.segments)):
-        tolerance = path.corners[i]
+    for i, (one, other) in enumerate(pairwise(course.segments)):
+        tolerance = course.corners[i]
         if not (isinstance(one, Line) and isinstance(other, Line)):
             continue
-        if isinstance(tolerance, Blend) or blends[i] is None:
+        if isinstance(tolerance, Blend) or not blended[i + 1]:
             continue
         ways = [np.subtract(line.end, line.start) for line in (one, other)]
         lengths = [float(np.linalg.norm(way)) for way in ways]
-        beside = [0 <= k < len(blends) and blends[k] is not None for k in (i - 1, i + 1)]
+        beside = blended[i], blended[i + 2]
         room = [way * (0.5 if two else 1.0) for way, two in zip(lengths, beside, strict=True)]
         cosine = float(ways[0] @ ways[1]) / (lengths[0] * lengths[1])
         found.append(_Corner(i, cosine, tolerance, (room[0], room[1]), _side(lengths)))
-    middle = 0.5 * (len(path.corners) - 1)
+    middle = 0.5 * (len(course.corners) - 1)
     return [c if c.side else replace(c, side=_sign(middle - c.index)) for c in found]
 
 
@@ -227,12 +229,12 @@ def _sign(value: float) -> int:
     return (value > 0.0) - (value < 0.0)
 
 
-def _apply_style(path: Path, corners: list[_Corner], style: Style) -> Path:
-    """Return ``path`` with the blends of a style."""
-    chosen = list(path.corners)
+def _apply_style(course: Course, corners: list[_Corner], style: Style) -> Course:
+    """Return a course with the blends of a style."""
+    chosen = list(course.corners)
     for corner in corners:
         chosen[corner.index] = corner.blend(style)
-    return replace(path, corners=tuple(chosen))
+    return replace(course, corners=tuple(chosen))
 
 
 class _Search:
@@ -296,14 +298,14 @@ class _Search:
     def _estimate_style(self, point: tuple[float, float]) -> float:
         """Estimate a style, once for all styles that come to the same blends for want of room."""
         if point not in self._keys:
-            path = _apply_style(self._plain.path, self._corners, Style(*point))
-            blends = [corner for corner in path.corners if isinstance(corner, Blend)]
+            course = _apply_style(self._plain.course, self._corners, Style(*point))
+            blends = [corner for corner in course.corners if isinstance(corner, Blend)]
             key = tuple(
                 round(v, _LOOK.digits) for b in blends for v in (b.before, b.after, b.shape)
             )
             self._keys[point] = key
             if key not in self._tried:
-                rounded = round_corners(path)
+                rounded = round_again(self._plain.path, course)
                 self._tried[key] = self._estimate_path(rounded), rounded
         return self._tried[self._keys[point]][0]
 
