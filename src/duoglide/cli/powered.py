@@ -39,6 +39,8 @@ def require_page(port: int | None) -> None:
     if port is None:
         return
     # All that it needs loads here, without power; it says which extra is missing.
+    import viser  # noqa: F401
+
     import duoglide.viewer.page  # noqa: F401
     from duoglide.viewer.address import require_address
 
