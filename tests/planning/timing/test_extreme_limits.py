@@ -16,7 +16,8 @@ def _plan(
     velocity: float, acceleration: float, jerk: float, brake_safe: bool = False
 ) -> dg.Trajectory:
     limits = dg.CarriageLimits(velocity=velocity, acceleration=acceleration, jerk=jerk)
-    return dg.plan(dg.Machine(limits=limits), MOVE, brake_safe=brake_safe)
+    brakes = dg.DriveSettings(quick_stop_deceleration=max(60e3, velocity / 5.0))
+    return dg.plan(dg.Machine(limits=limits, drives=brakes), MOVE, brake_safe=brake_safe)
 
 
 def _draws(seed: int, count: int) -> list[tuple[float, float, float]]:
