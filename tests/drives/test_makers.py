@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import time
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -13,11 +15,11 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.cli.main import run
 from duoglide.control.host.commission import probe_drives
-from duoglide.control.host.units_check import check_units
 from duoglide.drives import pdo
 from duoglide.drives.bus.buses import open_bus
-from duoglide.drives.cia402 import Mode
+from duoglide.drives.cia402 import Mode, State
 from duoglide.drives.onboarding.probe_text import tables
 from duoglide.drives.simulation.faults import DeviceFault, Reboot, Sto
 from duoglide.drives.simulation.makers.imitation import Imitation
@@ -238,16 +240,22 @@ def _until(true: Any, patience: float = 5.0) -> None:
         time.sleep(0.01)
 
 
-def test_a_slow_move_shows_whether_a_drive_brakes_in_the_unit_that_it_is_told() -> None:
+def test_a_slow_move_shows_whether_a_drive_brakes_in_the_unit_that_it_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     gaps = [Imitation(acceleration_unit=unit, absent=(0x2010, 0x608F)) for unit in (1.0, 9.0, 50.0)]
     quirks: list[dict[str, Any]] = [{"absent": [0x2010]} for _ in gaps]
     quirks[2]["acceleration_unit"] = 0.05  # [mm/s^2]: 50 of its increments/s^2
-    machine = machine_of({"drives": {"quirks": quirks}})
-    with imitated(*gaps) as drives, homed(machine, drives) as robot:
-        for axis in (1, 3):
-            check = check_units(robot, axis)
-            assert check.braked == pytest.approx(check.told, rel=0.5)
-            assert not robot.enabled and not robot.latched
-            robot.enable()
-        with pytest.raises(dg.DriveError, match=r"carriage 2: told to brake .* acceleration_unit"):
-            check_units(robot, 2)
+    cell = tmp_path / "cell.toml"
+    machine_of({"drives": {"quirks": quirks}}).save(cell)
+    with imitated(*gaps) as drives:
+        where = ["--bus", drives.address, "--machine", str(cell)]
+        assert run(["drives", "units", *where, "--home-here", "--json"]) == 1
+        assert not any(drive.state is State.OPERATION_ENABLED for drive in drives.snapshot())
+    said = json.loads(capsys.readouterr().out)
+    assert not said["ok"]
+    for check in (said["drives"][0], said["drives"][2]):
+        assert check["braked"] == pytest.approx(check["told"], rel=0.5)
+        assert not check["refusal"]
+    wrong = said["drives"][1]["refusal"]
+    assert re.match(r"carriage 2: told to brake .* acceleration_unit .* 0\.0\d+ mm/s", wrong)

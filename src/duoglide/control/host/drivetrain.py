@@ -173,7 +173,7 @@ class Drivetrain:
 
     def _listen(self) -> None:
         self._reference.begin()
-        self._connection.monitor.witness = self._reference
+        self._connection.monitor.witnesses = (self._reference,)
 
     def _bring_up(self, axes: tuple[Axis, ...], heard: bool = False) -> None:
         in_parallel(axes, Axis.wait_for_boot)
