@@ -180,6 +180,21 @@ def test_what_no_probing_can_find_is_refused_with_the_key_that_says_it() -> None
                 robot.enable()
 
 
+def test_a_drive_that_cannot_be_homed_or_clocked_as_told_is_refused_before_power() -> None:
+    own = {"absent": (0x2010,)}
+    slow = {(0x60C2, 1): 10, (0x60C2, 2): -3}
+    gaps = (
+        Imitation(here=35, allowed={(0x6098, 0): (17, 35)}, **own),
+        Imitation(absent=(0x2010, 0x607C)),
+        Imitation(values=slow, fixed=tuple(slow), **own),
+    )
+    machine = machine_of({"drives": {"quirks": [{"absent": [0x2010]} for _ in gaps]}})
+    with imitated(*gaps) as drives, pytest.raises(dg.DriveError) as refused:
+        dg.Robot.connect(machine, bus=drives.address)
+    for words in ("older CiA 402 end at 35", "home_object = ", "drives.cycle = 0.01 would do"):
+        assert words in str(refused.value)
+
+
 def test_nothing_homes_before_all_is_set_and_no_statusword_is_hammered() -> None:
     """Drives that begin on the level of bit 4 find mode, method and place in theirs."""
     gap = Imitation(homes_on_level=True, absent=(0x2010,), sdo_delay=0.005)

@@ -13,7 +13,7 @@ from duoglide.arrays import AXES
 from duoglide.control.channel.events import Happening, Refusal, Trip
 from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
-from duoglide.control.host.connection import Connection, bring_up
+from duoglide.control.host.connection import Connection, bring_up, travel_of
 from duoglide.control.host.reference import PositionReference, look_at
 from duoglide.drives.axis.axis import Axis, growing_pauses
 from duoglide.drives.axis.in_parallel import in_parallel
@@ -297,6 +297,7 @@ class Drivetrain:
             self._switch(Power.ON, (State.OPERATION_ENABLED,))
             for axis, goal in zip(axes, goals, strict=True):
                 axis.end_homing(goal)
+                axis.limit_travel(travel_of(self.machine))
         self._reference.find(positions)
 
     @contextmanager
