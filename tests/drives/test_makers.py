@@ -17,6 +17,7 @@ import pytest
 import duoglide as dg
 from duoglide.cli.main import run
 from duoglide.control.host.commission import probe_drives
+from duoglide.control.host.connection import open_axes
 from duoglide.drives import pdo
 from duoglide.drives.bus.buses import open_bus
 from duoglide.drives.cia402 import Mode, State
@@ -193,6 +194,25 @@ def test_a_drive_that_cannot_be_homed_or_clocked_as_told_is_refused_before_power
         dg.Robot.connect(machine, bus=drives.address)
     for words in ("older CiA 402 end at 35", "home_object = ", "drives.cycle = 0.01 would do"):
         assert words in str(refused.value)
+
+
+def test_a_drive_that_counts_itself_outside_is_limited_once_it_is_homed() -> None:
+    table = {"drives": {"quirks": [{"absent": [0x2010]}] * 3}}
+    coarse = machine_of({"drives": table["drives"] | {"increments_per_mm": 100}})
+    gap = Imitation(absent=(0x2010,))
+    with imitated(gap, gap, gap) as drives:
+        with homed(machine_of(table), drives):
+            pass  # now each says ten times as much as the other machine file can mean
+        with dg.Robot.connect(coarse, bus=drives.address) as robot:
+            assert limits_of(drives, coarse) == [(-(1 << 31), (1 << 31) - 1)] * 3
+            robot.enable()
+            robot.home(again=True, confirm=True)
+            assert limits_of(drives, coarse) == [(-36_000, 36_000)] * 3
+
+
+def limits_of(drives: SimulatedDrives, machine: dg.Machine) -> list[tuple[int, int]]:
+    with open_axes(machine, drives.address) as axes:
+        return [(axis.read(0x607D, 1), axis.read(0x607D, 2)) for axis in axes]
 
 
 def test_nothing_homes_before_all_is_set_and_no_statusword_is_hammered() -> None:
