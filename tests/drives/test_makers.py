@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+import threading
 import time
 import tomllib
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -220,11 +222,20 @@ def test_nothing_homes_before_all_is_set_and_no_statusword_is_hammered() -> None
     gap = Imitation(homes_on_level=True, absent=(0x2010,), sdo_delay=0.005)
     machine = machine_of({"drives": {"quirks": [{"absent": [0x2010]}]}})
     with imitated(gap, gap, gap) as drives, open_bus(drives.address) as listener:
-        with homed(machine, drives):
-            require_at(drives, HOME_CARRIAGES)
-        frames = []
-        while (message := listener.recv(0.0)) is not None:
-            frames.append((message.arbitration_id, bytes(message.data)))
+        frames: list[tuple[int, bytes]] = []
+        over = threading.Event()
+
+        def listen() -> None:  # all the time: a bus drops what nobody takes
+            while not over.is_set():
+                if (message := listener.recv(0.1)) is not None:
+                    frames.append((message.arbitration_id, bytes(message.data)))
+
+        with ThreadPoolExecutor(1) as pool:
+            listening = pool.submit(listen)
+            with homed(machine, drives):
+                require_at(drives, HOME_CARRIAGES)
+            over.set()
+            listening.result(10.0)
     for node in machine.drives.node_ids:
         requests = [i for i, f in enumerate(frames) if f[0] == pdo.SDO_REQUEST + node]
         written = {key: i for i in requests if (key := _written(frames[i][1])) is not None}
