@@ -387,10 +387,10 @@ def _reaction(rows: list[tuple[float, CycleRecord]]) -> str:
     """Tell how a run was stopped.
 
     Where a drive is followed, the two others are enabled until all stand; else they get a quick
-    stop at once.
+    stop at once, or as soon as it is seen that the drive does not brake.
     """
     words = [record.controlword for _, record in rows if record.phase is Phase.STOP]
-    if any(sorted(map(ENABLED.__eq__, three)) == [False, True, True] for three in words):
+    if sum(sorted(map(ENABLED.__eq__, three)) == [False, True, True] for three in words) > 3:
         return QUICK if any(QUICK_STOP in three for three in words) else FOLLOWED
     return QUICK if any(QUICK_STOP in record.controlword for _, record in rows) else STOPPED
 
