@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from duoglide.errors import ConfigError, InputError
+from duoglide.errors import ConfigError
 from duoglide.machine import rules
 from duoglide.machine.cell import Box
 from duoglide.machine.drive_quirks import Homing, Quirks
@@ -18,7 +18,7 @@ from duoglide.machine.drive_settings import DriveSettings
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits, DerivedLimits
 from duoglide.machine.meaning import documented, setting, told
-from duoglide.machine.toml_read import decoded, read_tables
+from duoglide.machine.toml_read import load_file
 
 _LARGEST = 2**31 - 1  # that a drive counts to
 _LONGEST_BRAKING = 10.0  # [s]
@@ -154,20 +154,7 @@ class Machine:
         Raises:
             ConfigError: Not a path, no such file, not TOML, an unknown key, or a broken rule.
         """
-        if not isinstance(path, str | os.PathLike):
-            raise ConfigError(f"machine file {path!r:.80}: must be the path of a TOML file")
-        try:
-            text = decoded(Path(path).read_bytes())
-        except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
-            raise ConfigError(f"cannot read machine file {path}: {error}") from error
-        try:
-            tables = read_tables(text, str(path))
-        except InputError as error:
-            raise ConfigError(str(error)) from error
-        try:
-            return cls.from_dict(tables)
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from error
+        return load_file(path, "machine file", cls.from_dict)
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any]) -> Machine:
