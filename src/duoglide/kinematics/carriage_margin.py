@@ -103,6 +103,23 @@ def margin_up_to(
     return margin
 
 
+def keeps_margin(
+    geometry: Geometry, position: FloatArray, reach: Reach, least: FloatArray
+) -> BoolArray:
+    """Tell where the carriage margin is above ``least``, without finding it.
+
+    Args:
+        geometry: Dimensions of the robot, in its working mode.
+        position: Platform centre O' within reach [mm], shape (n, 3).
+        reach: What ``reach_of`` says of the positions.
+        least: Margin to be exceeded [mm], shape (n,); NaN and infinity never are.
+    """
+    kept = np.zeros(len(position), dtype=bool)
+    for region, own in _regions(geometry, position, reach, WORKING):
+        kept[own] = _Places.of(region, reach[own]).keep(least[own] + RESERVE)
+    return kept
+
+
 def least_margin(
     geometry: Geometry, position: FloatArray, loss: float | FloatArray = 0.0
 ) -> tuple[float, int]:
