@@ -125,29 +125,21 @@ def _require_lines(trajectory: Trajectory, machine: Machine) -> None:
 def _require_rests(trajectory: Trajectory) -> None:
     """Refuse a part of a program: the machine stands before a run, and after it."""
     if trajectory.whole is not None:
-        speed = np.abs(trajectory.at(trajectory.duration).velocity).max()
-        raise PathError(
-            f"the trajectory ends in motion, at {speed:.4g} mm/s of a carriage, where another one"
-            " takes over: run its whole, which goes on to rest",
-            quantity="rest",
-            amount=float(speed),
-        )
-    if not trajectory.starts_at_rest:
-        speed = np.abs(trajectory.at(0.0).velocity).max()
-        raise PathError(
-            f"the trajectory begins in motion, at {speed:.4g} mm/s of a carriage: it goes on from"
-            " another one, and cannot be run by itself",
-            quantity="rest",
-            amount=float(speed),
-        )
-    if not trajectory.ends_at_rest:
-        speed = np.abs(trajectory.at(trajectory.duration).velocity).max()
-        raise PathError(
-            f"the trajectory does not come to rest: at its end a carriage has {speed:.4g} mm/s, and"
-            " nothing takes over",
-            quantity="rest",
-            amount=float(speed),
-        )
+        what = "ends in motion", "another one takes over: run its whole, which goes on to rest"
+        time = trajectory.duration
+    elif not trajectory.starts_at_rest:
+        what = "begins in motion", "it goes on from another one, and cannot be run by itself"
+        time = 0.0
+    elif not trajectory.ends_at_rest:
+        what, time = ("ends in motion", "nothing takes over"), trajectory.duration
+    else:
+        return
+    speed = float(np.abs(trajectory.at(time).velocity).max())
+    raise PathError(
+        f"the trajectory {what[0]}, at {speed:.4g} mm/s of a carriage: {what[1]}",
+        quantity="rest",
+        amount=speed,
+    )
 
 
 def _require_geometry(machine: Machine, trajectory: Trajectory) -> None:
