@@ -18,7 +18,7 @@ def test_what_begins_or_ends_in_motion_is_not_run_by_itself(machine: dg.Machine)
     part = whole.until(knot, whole.stops)
     with pytest.raises(dg.PathError, match="ends in motion"):
         require_fit(part, machine)
-    with pytest.raises(dg.PathError, match=r"ends in motion, .* nothing takes over"):
+    with pytest.raises(dg.PathError, match=r"does not come to rest: .* nothing takes over"):
         require_fit(replace(part, whole=None), machine)
     time = whole.profile.knots[knot, 0]
     later = Profile(whole.profile.knots[knot:] - np.array([time, 0.0, 0.0, 0.0]))

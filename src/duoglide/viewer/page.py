@@ -36,11 +36,11 @@ class Page:
         machine: The machine to show.
         file: A plan or a run to open with.
         drives: Name of the bus where Connect finds the drives; or a connected robot, of this
-            program or of another one, which the page then shows and can hold and stop, and which
+            process or of another one, which the page then shows and can hold and stop, and which
             stays its owner's to close.
         host: Address to serve on; only this machine by default.
         port: TCP port; 0 takes any that is free.
-        folder: What the page may open and record is below that; None: where the program runs.
+        folder: What the page may open and record is below that; None: where the process runs.
 
     Raises:
         ConfigError: viser is not installed.

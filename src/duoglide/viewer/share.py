@@ -1,6 +1,6 @@
-"""What lets other programs of the same user on this computer watch a machine, and stop it.
+"""What lets other processes of the same user on this computer watch a machine, and stop it.
 
-A program that moves a machine opens a socket beside its stream; a page of another one joins it.
+A process that moves a machine opens a socket beside its stream; a page of another one joins it.
 Each request is a connection of its own, one line of JSON there and one back, so that a stop waits
 behind nothing. Nothing here is seen by the streamer's process but the orders themselves.
 """

@@ -35,7 +35,7 @@ _HELP = """\
 Plan, stream, log and replay a pick-and-place cycle on three simulated drives.
 
 The standard cycle, 25/305/25 mm there and back. Writes plan.mcap, run.mcap and demo.png, or
-plan-2.mcap and so on where these are there already; no hardware, no other program.
+plan-2.mcap and so on where these are there already; no hardware, no other process.
 """
 _EXAMPLE = """\
 Examples:
