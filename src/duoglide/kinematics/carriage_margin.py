@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duoglide.arrays import BoolArray, FloatArray, as_triples
+from duoglide.arrays import BoolArray, FloatArray, IndexArray, as_triples
 from duoglide.errors import InputError
 from duoglide.kinematics._joint_region import (
     JointRegion,
@@ -201,7 +201,7 @@ class _Places:
             high = np.minimum(high, np.maximum(0.5 * aside, beyond))
         return cls(region, b, g, np.maximum(high, 0.0))
 
-    def __getitem__(self, rows: Any) -> _Places:
+    def __getitem__(self, rows: IndexArray | list[int]) -> _Places:
         return _Places(self.region, self.b[rows], self.g[rows], self.high[rows])
 
     def depth(self, e: FloatArray) -> FloatArray:

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, IndexArray
 from duoglide.errors import LimitError, PathError
 from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.derivatives import ArrayJet, root_jet_bounds
@@ -282,7 +281,7 @@ class _Search:
             )
 
     def _bound(
-        self, row: NDArray[np.intp], piece: NDArray[np.intp], low: FloatArray, high: FloatArray
+        self, row: IndexArray, piece: IndexArray, low: FloatArray, high: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the use of every limit at the ends of cells, and how much it may be more between.
 
@@ -298,7 +297,7 @@ class _Search:
         return ends, (h * h / 8.0)[:, None, None] * most[:, 2:] / self._limits
 
     def _uses(
-        self, along: FloatArray, piece: NDArray[np.intp], row: NDArray[np.intp], u: FloatArray
+        self, along: FloatArray, piece: IndexArray, row: IndexArray, u: FloatArray
     ) -> FloatArray:
         """Measure the use of every limit at instants, (n, 3, 3)."""
         q = self._motion.path.derivatives(along[:, 0], piece)
@@ -314,7 +313,7 @@ class _Search:
         return uses
 
     def _carriage_bounds(
-        self, sigma: FloatArray, piece: NDArray[np.intp], rates: ArrayJet, half: FloatArray
+        self, sigma: FloatArray, piece: IndexArray, rates: ArrayJet, half: FloatArray
     ) -> FloatArray:
         """Bound the derivatives 1 to 5 of the carriages by time in cells, (n, 5, 3)."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

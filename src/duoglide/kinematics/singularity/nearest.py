@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
-from duoglide.kinematics.singularity.case2 import Case2Curve, IndexArray, curve_of
+from duoglide.arrays import FloatArray, IndexArray
+from duoglide.kinematics.singularity.case2 import Case2Curve, curve_of
 from duoglide.kinematics.singularity.nearest_pose import SURFACES
 from duoglide.machine import Geometry
 

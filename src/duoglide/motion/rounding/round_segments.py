@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -21,8 +20,6 @@ ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short 
 SHARPEST = np.cos(np.radians(170.0))  # corners that turn back further than this are rests
 SHORTEST = 1e-4  # [mm]; to slow down for a shorter blend takes as long as to rest in the corner
 VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
-
-IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
