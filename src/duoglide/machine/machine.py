@@ -233,6 +233,6 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _left_out(value: Any) -> bool:
+def _left_out(value: object) -> bool:
     """Whether a field says nothing that reading the file would not find by itself."""
     return value is None or isinstance(value, DerivedLimits)

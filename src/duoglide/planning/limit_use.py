@@ -11,7 +11,7 @@ absolute value of each term. Cells are cut until that is sharp enough.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -398,8 +398,11 @@ def _through_links(
     return np.stack([legs, legs, strut], axis=-1)
 
 
-def _divide(row: Any, piece: Any, low: Any, high: Any, parts: Any) -> Any:
+def _divide(
+    row: IndexArray, piece: IndexArray, low: FloatArray, high: FloatArray, parts: IndexArray
+) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
     """Cut cells into so many equal parts each."""
-    row, piece, first, step = (np.repeat(a, parts) for a in (row, piece, low, (high - low) / parts))
+    first, step = np.repeat(low, parts), np.repeat((high - low) / parts, parts)
     k = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    return row, piece, first + k * step, first + (k + 1) * step
+    rows, pieces = np.repeat(row, parts), np.repeat(piece, parts)
+    return rows, pieces, first + k * step, first + (k + 1) * step

@@ -82,7 +82,7 @@ def meeting_place() -> Path:
     return folder
 
 
-def _answers(robot: Robot) -> Callable[[Any], object]:
+def _answers(robot: Robot) -> Callable[[dict[str, Any]], object]:
     """Return what turns a request into an answer."""
     described = robot.machine.to_dict()
 
@@ -138,7 +138,7 @@ def _status(run: RunHandle) -> dict[str, Any]:
 
 class _Server(socketserver.ThreadingUnixStreamServer):
     daemon_threads = True
-    answer: Callable[[Any], object]
+    answer: Callable[[dict[str, Any]], object]
 
 
 class _Request(socketserver.StreamRequestHandler):
