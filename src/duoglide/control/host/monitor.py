@@ -42,7 +42,7 @@ class Monitor:
         process: The streamer.
 
     Attributes:
-        witness: Who gets every record, whether anything runs or not; must not fail.
+        witnesses: Who get every record, whether anything runs or not; must not fail.
     """
 
     def __init__(self, process: StreamerProcess) -> None:
@@ -51,7 +51,7 @@ class Monitor:
         self._latest: CycleEntry | None = None
         self._events: list[EventEntry] = []
         self._listeners: tuple[Listener, ...] = ()
-        self.witness: Listener | None = None
+        self.witnesses: tuple[Listener, ...] = ()
         self._failure: DuoglideError | None = None
         self._gone: DuoglideError | None = None
         self._closing = False
@@ -208,12 +208,12 @@ class Monitor:
     def _hand_on(self, entry: CycleEntry | EventEntry) -> None:
         if isinstance(entry, CycleEntry):
             self._latest = entry
-            if self.witness is not None:
-                self.witness.add_cycle(entry)
+            for witness in self.witnesses:
+                witness.add_cycle(entry)
         else:
             self._events.append(entry)
-            if self.witness is not None:
-                self.witness.add_event(entry)
+            for witness in self.witnesses:
+                witness.add_event(entry)
         try:
             for listener in self._listeners:
                 if isinstance(entry, CycleEntry):
