@@ -124,6 +124,10 @@ class CellByHand(HostByHand):
             self.rack.poll(now // 1000 + 1)
             self._collect()
 
+    def pass_within(self, share: float) -> None:
+        """Let the drives come to a share of the cycle that has begun, 0 to 1."""
+        self.rack._pass_to((self.number * self._period + int(share * self._period)) // 1000)
+
     def _collect(self) -> None:
         answers, self._answers = self._answers, []
         self._heard += [kept for frame in answers for kept in self.to_host(frame)]
