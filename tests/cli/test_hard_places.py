@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -70,9 +69,11 @@ def test_on_one_processor_a_stream_and_then_its_replay_come_to_their_ends(
         bus = shell.stdout.readline().split("--bus ")[1].split(",")[0]
         shared = ["--bus", bus, "--machine", cell, "--approach", "--home-here"]
         stream, replay = ("stream", plan_file, "--log", log), ("replay", log)
-        once = to_its_end([*ON_ONE_PROCESSOR, *duoglide(*stream, *shared)])
-        again = to_its_end([*ON_ONE_PROCESSOR, *duoglide(*replay, *shared)])
-        shell.send_signal(signal.SIGINT)
+        try:
+            once = to_its_end([*ON_ONE_PROCESSOR, *duoglide(*stream, *shared)])
+            again = to_its_end([*ON_ONE_PROCESSOR, *duoglide(*replay, *shared)])
+        finally:
+            shell.kill()
     assert once.returncode == 0, once.stderr
     assert again.returncode == 0, again.stderr
 

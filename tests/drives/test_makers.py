@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import time
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -13,11 +15,12 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.cli.main import run
 from duoglide.control.host.commission import probe_drives
-from duoglide.control.host.units_check import check_units
+from duoglide.control.host.connection import open_axes
 from duoglide.drives import pdo
 from duoglide.drives.bus.buses import open_bus
-from duoglide.drives.cia402 import Mode
+from duoglide.drives.cia402 import Mode, State
 from duoglide.drives.onboarding.probe_text import tables
 from duoglide.drives.simulation.faults import DeviceFault, Reboot, Sto
 from duoglide.drives.simulation.makers.imitation import Imitation
@@ -178,6 +181,40 @@ def test_what_no_probing_can_find_is_refused_with_the_key_that_says_it() -> None
                 robot.enable()
 
 
+def test_a_drive_that_cannot_be_homed_or_clocked_as_told_is_refused_before_power() -> None:
+    own = {"absent": (0x2010,)}
+    slow = {(0x60C2, 1): 10, (0x60C2, 2): -3}
+    gaps = (
+        Imitation(here=35, allowed={(0x6098, 0): (17, 35)}, **own),
+        Imitation(absent=(0x2010, 0x607C)),
+        Imitation(values=slow, fixed=tuple(slow), **own),
+    )
+    machine = machine_of({"drives": {"quirks": [{"absent": [0x2010]} for _ in gaps]}})
+    with imitated(*gaps) as drives, pytest.raises(dg.DriveError) as refused:
+        dg.Robot.connect(machine, bus=drives.address)
+    for words in ("older CiA 402 end at 35", "home_object = ", "drives.cycle = 0.01 would do"):
+        assert words in str(refused.value)
+
+
+def test_a_drive_that_counts_itself_outside_is_limited_once_it_is_homed() -> None:
+    table = {"drives": {"quirks": [{"absent": [0x2010]}] * 3}}
+    coarse = machine_of({"drives": table["drives"] | {"increments_per_mm": 100}})
+    gap = Imitation(absent=(0x2010,))
+    with imitated(gap, gap, gap) as drives:
+        with homed(machine_of(table), drives):
+            pass  # now each says ten times as much as the other machine file can mean
+        with dg.Robot.connect(coarse, bus=drives.address) as robot:
+            assert limits_of(drives, coarse) == [(-(1 << 31), (1 << 31) - 1)] * 3
+            robot.enable()
+            robot.home(again=True, confirm=True)
+            assert limits_of(drives, coarse) == [(-36_000, 36_000)] * 3
+
+
+def limits_of(drives: SimulatedDrives, machine: dg.Machine) -> list[tuple[int, int]]:
+    with open_axes(machine, drives.address) as axes:
+        return [(axis.read(0x607D, 1), axis.read(0x607D, 2)) for axis in axes]
+
+
 def test_nothing_homes_before_all_is_set_and_no_statusword_is_hammered() -> None:
     """Drives that begin on the level of bit 4 find mode, method and place in theirs."""
     gap = Imitation(homes_on_level=True, absent=(0x2010,), sdo_delay=0.005)
@@ -238,16 +275,22 @@ def _until(true: Any, patience: float = 5.0) -> None:
         time.sleep(0.01)
 
 
-def test_a_slow_move_shows_whether_a_drive_brakes_in_the_unit_that_it_is_told() -> None:
+def test_a_slow_move_shows_whether_a_drive_brakes_in_the_unit_that_it_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     gaps = [Imitation(acceleration_unit=unit, absent=(0x2010, 0x608F)) for unit in (1.0, 9.0, 50.0)]
     quirks: list[dict[str, Any]] = [{"absent": [0x2010]} for _ in gaps]
     quirks[2]["acceleration_unit"] = 0.05  # [mm/s^2]: 50 of its increments/s^2
-    machine = machine_of({"drives": {"quirks": quirks}})
-    with imitated(*gaps) as drives, homed(machine, drives) as robot:
-        for axis in (1, 3):
-            check = check_units(robot, axis)
-            assert check.braked == pytest.approx(check.told, rel=0.5)
-            assert not robot.enabled and not robot.latched
-            robot.enable()
-        with pytest.raises(dg.DriveError, match=r"carriage 2: told to brake .* acceleration_unit"):
-            check_units(robot, 2)
+    cell = tmp_path / "cell.toml"
+    machine_of({"drives": {"quirks": quirks}}).save(cell)
+    with imitated(*gaps) as drives:
+        where = ["--bus", drives.address, "--machine", str(cell)]
+        assert run(["drives", "units", *where, "--home-here", "--json"]) == 1
+        assert not any(drive.state is State.OPERATION_ENABLED for drive in drives.snapshot())
+    said = json.loads(capsys.readouterr().out)
+    assert not said["ok"]
+    for check in (said["drives"][0], said["drives"][2]):
+        assert check["braked"] == pytest.approx(check["told"], rel=0.5)
+        assert not check["refusal"]
+    wrong = said["drives"][1]["refusal"]
+    assert re.match(r"carriage 2: told to brake .* acceleration_unit .* 0\.0\d+ mm/s", wrong)

@@ -119,7 +119,7 @@ class DriveSettings:
         3, "feedback frames in a row that may be lost; one more is a fault"
     )
     late_cycles: int = setting(5, "cycles in a row that the host may miss; one more is a fault")
-    boot_timeout: float = setting(5.0, "how long a drive may take to say anything at all", "s")
+    boot_timeout: float = setting(10.0, "how long a drive may take to say anything at all", "s")
     sdo_timeout: float = setting(0.5, "how long a drive may take to answer one request", "s")
     sdo_retries: int = setting(2, "how often a request without an answer is sent again")
     profile: tuple[str, str, str] = setting(

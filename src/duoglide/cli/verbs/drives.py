@@ -74,6 +74,20 @@ duoglide drives commission
 
 duoglide drives commission --bus socketcan:can0 --machine cell.toml --override 20 --home-here
 """
+_UNITS_HELP = """\
+Check by a slow move of each carriage in which unit its drive has its accelerations.
+
+Homes; each carriage creeps a few millimetres, is told to brake gently (0x6085), and the way that it
+needs is compared. A unit that is wrong makes a brake-safe plan worthless. The power is off
+afterwards. Each rail needs 15 mm of room.
+"""
+_UNITS_EXAMPLE = """\
+Examples:
+
+duoglide drives units --bus socketcan:can0 --machine cell.toml
+
+duoglide drives units --bus socketcan:can0 --machine cell.toml --axis 2
+"""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -82,6 +96,7 @@ def add_to(app: typer.Typer) -> None:
     group.callback()(drives)
     group.command("probe", help=_PROBE_HELP, epilog=_PROBE_EXAMPLE)(probe)
     group.command("commission", help=_COMMISSION_HELP, epilog=_COMMISSION_EXAMPLE)(commission)
+    group.command("units", help=_UNITS_HELP, epilog=_UNITS_EXAMPLE)(units)
     app.add_typer(group, name="drives")
 
 
@@ -188,6 +203,42 @@ def commission(
         say_json("drives", {"toml": text, "drives": [drive.to_dict() for drive in report.drives]})
     else:
         print(text, end="", flush=True)  # as it is, to be pasted
+
+
+def units(
+    *,
+    bus: Bus = "virtual",
+    machine: MachineFile = None,
+    axis: Annotated[
+        int | None, typer.Option("--axis", min=1, max=3, help="Only this carriage.")
+    ] = None,
+    home_here: HomeHere = False,
+    as_json: Json = False,
+) -> None:
+    """Check by a slow move of each carriage in which unit its drive has its accelerations."""
+    described = load_machine(machine)
+    from duoglide.cli.powered import under_power
+    from duoglide.control.host.units_check import check_units
+
+    checks = []
+    with under_power(described, bus, home_here=home_here) as robot, working("moving"):
+        for number in (1, 2, 3) if axis is None else (axis,):
+            robot.enable()
+            checks.append(check_units(robot, number))
+    wrong = [check.refusal for check in checks if check.refusal]
+    if as_json:
+        found = [
+            asdict(check) | {"braked": check.braked, "refusal": check.refusal} for check in checks
+        ]
+        say_json("drives", {"drives": found}, ok=not wrong)
+    else:
+        for check in checks:
+            if not check.refusal:
+                say(str(check))
+        for refusal in wrong:
+            complain(refusal, 1)
+    if wrong:
+        raise typer.Exit(1)
 
 
 def _name(one: Probed) -> str:

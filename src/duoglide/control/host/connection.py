@@ -175,6 +175,12 @@ def _is_bus_failure(event: EventEntry) -> bool:
     return event.kind == Happening.TRIP and Trip.from_event(event).condition is Condition.BUS
 
 
+def travel_of(machine: Machine) -> tuple[float, float]:
+    """Return how far carriages may go, which is what 0x607D is told [mm]."""
+    end = machine.geometry.rail_half_length
+    return -end, end
+
+
 def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
     """Identify every drive, then configure every drive, then start them; power stays off.
 
@@ -184,13 +190,13 @@ def bring_up(machine: Machine, axes: tuple[Axis, ...]) -> None:
         DriveError: Drives are not what the machine file says, or do not keep what is written.
         DriveTimeout: A drive does not answer.
     """
-    travel = machine.geometry.rail_half_length
+    travel = travel_of(machine)
     speeds = machine.stop_limits.velocity.tolist()
     for axis, answers in zip(axes, in_parallel(axes, await_answer), strict=True):
         if not answers:
             raise no_answer(axis)
     in_parallel(axes, Axis.identify)
-    in_parallel(axes, lambda axis: axis.configure((-travel, travel), speeds[axis.number - 1]))
+    in_parallel(axes, lambda axis: axis.configure(travel, speeds[axis.number - 1]))
     for axis in axes:
         axis.command(Nmt.START)
 

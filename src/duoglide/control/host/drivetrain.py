@@ -13,7 +13,7 @@ from duoglide.arrays import AXES
 from duoglide.control.channel.events import Happening, Refusal, Trip
 from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
-from duoglide.control.host.connection import Connection, bring_up
+from duoglide.control.host.connection import Connection, bring_up, travel_of
 from duoglide.control.host.reference import PositionReference, look_at
 from duoglide.drives.axis.axis import Axis, growing_pauses
 from duoglide.drives.axis.in_parallel import in_parallel
@@ -173,7 +173,7 @@ class Drivetrain:
 
     def _listen(self) -> None:
         self._reference.begin()
-        self._connection.monitor.witness = self._reference
+        self._connection.monitor.witnesses = (self._reference,)
 
     def _bring_up(self, axes: tuple[Axis, ...], heard: bool = False) -> None:
         in_parallel(axes, Axis.wait_for_boot)
@@ -297,6 +297,7 @@ class Drivetrain:
             self._switch(Power.ON, (State.OPERATION_ENABLED,))
             for axis, goal in zip(axes, goals, strict=True):
                 axis.end_homing(goal)
+                axis.limit_travel(travel_of(self.machine))
         self._reference.find(positions)
 
     @contextmanager

@@ -42,7 +42,7 @@ class Monitor:
         process: The streamer.
 
     Attributes:
-        witness: Who gets every record, whether anything runs or not; must not fail.
+        witnesses: Who get every record, whether anything runs or not; must not fail.
     """
 
     def __init__(self, process: StreamerProcess) -> None:
@@ -51,7 +51,7 @@ class Monitor:
         self._latest: CycleEntry | None = None
         self._events: list[EventEntry] = []
         self._listeners: tuple[Listener, ...] = ()
-        self.witness: Listener | None = None
+        self.witnesses: tuple[Listener, ...] = ()
         self._failure: DuoglideError | None = None
         self._gone: DuoglideError | None = None
         self._closing = False
@@ -168,7 +168,7 @@ class Monitor:
         self._take()
 
     def _insist_on_the_end(self, now: float) -> None:
-        """Stop the machine of a program that was told to end, and is stuck."""
+        """Stop the machine of a process that was told to end, and is stuck."""
         orders = self._process.ring.orders
         entry = self._latest
         powered = entry is not None and entry.power not in (Power.SILENT, Power.OFF)
@@ -179,7 +179,7 @@ class Monitor:
             with suppress(BusError):  # the streamer may have gone, and the drives with it
                 self._process.order(Command.CLOSE)
             print(
-                "duoglide: told to end, this program has not begun to; the machine is stopped along"
+                "duoglide: told to end, this process has not begun to; the machine is stopped along"
                 " its path and switched off",
                 file=sys.stderr,
                 flush=True,
@@ -208,12 +208,12 @@ class Monitor:
     def _hand_on(self, entry: CycleEntry | EventEntry) -> None:
         if isinstance(entry, CycleEntry):
             self._latest = entry
-            if self.witness is not None:
-                self.witness.add_cycle(entry)
+            for witness in self.witnesses:
+                witness.add_cycle(entry)
         else:
             self._events.append(entry)
-            if self.witness is not None:
-                self.witness.add_event(entry)
+            for witness in self.witnesses:
+                witness.add_event(entry)
         try:
             for listener in self._listeners:
                 if isinstance(entry, CycleEntry):

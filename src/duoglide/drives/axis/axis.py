@@ -100,6 +100,16 @@ class Axis(DriveObjects):
             self.go_to(State.SWITCH_ON_DISABLED)  # somebody left it under power
         configure(self, lambda: self.units, travel, speed)
 
+    def limit_travel(self, travel: tuple[float, float]) -> None:
+        """Write the software limits, 0x607D, of a drive that knows where it is.
+
+        Args:
+            travel: The limits [mm].
+        """
+        for sub, value in enumerate(sorted(map(self.scale.to_increments, travel)), start=1):
+            if self.has(0x607D):
+                self.write_checked(0x607D, sub, value)
+
     # -- what it says -------------------------------------------------------------------------
 
     def read_statusword(self) -> int:

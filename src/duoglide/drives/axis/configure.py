@@ -27,6 +27,7 @@ from duoglide.drives.cia402 import METHODS_HERE, Mode
 from duoglide.drives.scale import RateUnits
 from duoglide.errors import ConfigError, DriveError, DriveTimeout, DuoglideWarning
 from duoglide.machine.drive_contract import answer_to
+from duoglide.machine.drive_settings import Reference
 
 PROFILE_402 = 402  # low word of 0x1000
 _SCAN_PATIENCE = 0.5  # [s]
@@ -34,6 +35,7 @@ _FIRST_ANSWER = 0.1  # how long to wait for one answer of a drive that may still
 _WORTH_TELLING = 1.0  # of waiting [s]
 _SLOW, _LOOKS = 0.03, 3  # an answer that takes as long whenever it is asked for [s]
 _REQUESTS = 150  # of one bring-up, roughly
+_NO_LIMIT = {(0x607D, 1): -(1 << 31), (0x607D, 2): (1 << 31) - 1}
 _SPEED_ROOM = 1.1  # so that a drive that has fallen behind by a lost setpoint may catch up
 _PERIOD_AGREES = 1e-3  # share
 _MILLI, _BYTE = -3, 255  # of 0x60C2: the exponent that all drives know, the largest value
@@ -203,7 +205,9 @@ def configure(
         drive: The drive, without power.
         ask_units: Returns what its speeds and accelerations mean; DriveError where that is not
             known.
-        travel: Software limits, 0x607D [mm]; None leaves those of the drive.
+        travel: Software limits, 0x607D [mm]; None leaves those of the drive. One that counts
+            itself outside, because it has not been homed, gets none until it is: it may refuse
+            the very place where it stands.
         speed: Greatest one that the host asks for [mm/s]; 0x607F, with room above it, bounds what
             a setpoint that is far off can do. None leaves that of the drive.
     """
@@ -229,14 +233,45 @@ def configure(
     if not drive.has(0x60C2):
         with refusals.collected():
             require_period(drive)
-    for index, sub, value in list_settings(drive, units, travel, speed):
+    settings = list_settings(drive, units, travel, speed)
+    if _stands_outside(drive, settings):
+        settings = [(i, sub, _NO_LIMIT.get((i, sub), value)) for i, sub, value in settings]
+    for index, sub, value in settings:
         if drive.has(index):
             with refusals.collected():
-                drive.write_checked(index, sub, value)
+                _write_setting(drive, index, sub, value)
+    _require_homing(drive, refusals)
     for index, sub, value, size in drive.quirks.writes:
         with refusals.collected():
             drive.write_bytes(index, sub, value.to_bytes(size, "little", signed=value < 0))
     refusals.raise_them()
+
+
+def _write_setting(drive: DriveObjects, index: int, sub: int, value: int) -> None:
+    try:
+        drive.write_checked(index, sub, value)
+    except SdoRefusalError:
+        if index == 0x60C2:
+            require_period(drive)  # which names the cycle that would do
+        raise
+
+
+def _stands_outside(drive: DriveObjects, settings: list[tuple[int, int, int]]) -> bool:
+    """Whether a drive counts itself outside of the software limits that it would be told."""
+    limits = [value for index, sub, value in settings if (index, sub) in _NO_LIMIT]
+    return bool(limits) and not min(limits) <= drive.read(0x6064) <= max(limits)
+
+
+def _require_homing(drive: DriveObjects, refusals: Refusals) -> None:
+    """Refuse a drive that cannot be homed as the machine file says, before it gets power."""
+    if drive.settings.reference is Reference.ABSOLUTE:
+        return
+    if drive.has(0x6098):
+        with refusals.collected():
+            drive.write_checked(0x6098, 0, drive.settings.homing.method[drive.number - 1])
+    if drive.has(drive.quirks.home_object[0]):
+        with refusals.collected():
+            drive.read_bytes(*drive.quirks.home_object)
 
 
 class Refusals:
@@ -380,8 +415,8 @@ def require_period(drive: DriveObjects) -> None:
     period, cycle = read_period(drive), drive.settings.cycle
     if period is not None and abs(period - cycle) > _PERIOD_AGREES * cycle:
         raise drive.error(
-            f"0x60C2 says that it interpolates over {period:g} s, and is in its drives.quirks"
-            f" absent: drives.cycle = {period:g} would do"
+            f"0x60C2 says that it interpolates over {period:g} s, and is not told another:"
+            f" drives.cycle = {period:g} would do"
         )
 
 

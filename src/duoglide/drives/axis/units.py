@@ -3,7 +3,7 @@
 0x60A8, 0x60A9 and 0x60AA hold a unit each, for positions, velocities and accelerations: a power of
 ten in the highest byte, then the codes of a numerator and a denominator (CiA 303-2, CiA 402-2).
 Many drives lack them; then the machine file says it, or increments and seconds are taken for
-granted, which a slow test move can check (``control/host/units_check.py``).
+granted, which ``duoglide drives units`` checks by a slow move.
 """
 
 from __future__ import annotations

@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, TypeAlias
 
 import numpy as np
 
-from duoglide.arrays import BoolArray, FloatArray
+from duoglide.arrays import BoolArray, FloatArray, IndexArray
 from duoglide.motion.path.segments import COINCIDENT, Line, Point, Segment
 from duoglide.motion.rounding.blend import Blend, Corner
 from duoglide.motion.rounding.fit import Fit, fit_points
@@ -24,12 +23,11 @@ SHARPEST = np.cos(np.radians(170.0))  # corners that turn back further than this
 _SHALLOW = 0.21875  # times cut-back and sine of half the turn: how far a blend is from its corner
 _STRAIGHT = 1e-9  # sine of half a turn that needs no blend
 _FEWEST = 4  # lines in a row that are too short for their blends make points dense
-_ASIDE = 0.01  # of the tolerance; waypoints that are no further beside a line are on it
+_ASIDE = COINCIDENT  # waypoints that are no farther beside a line are on it,
+_ASIDE_SHARE = 0.01  # nor farther than this share of their tolerance
 _NEAR = 0.25  # of the tolerance; waypoints that lie within it, and apart from others, are one
 _LEAD_IN = 50.0  # tolerances; on so much of a longer line a fitted curve begins or ends at most,
 _SHARE = 0.45  # and on no more than this share of it
-
-IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,12 +149,16 @@ class _Chain:
         return self._keep(keep, corners)
 
     def join_straight(self) -> _Chain:
-        """Make one line of lines that go straight on, but for a small share of the tolerance."""
+        """Make one line of lines that go straight on.
+
+        Not of lines that nearly do: a program that is planned window by window would then see
+        another line once it has passed its first waypoints.
+        """
         count = len(self.segments)
         chord = np.linalg.norm(self.points[2:] - self.points[:-2], axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             aside = 2.0 * self.half * self.lengths[:-1] * self.lengths[1:] / chord
-        flat = self.soft[1:-1] & (aside <= _ASIDE * self.tolerance[1:-1])
+        flat = self.soft[1:-1] & (aside <= self._aside()[1:-1])
         if not flat.any():
             return self
         keep = np.arange(float(count + 1))
@@ -174,6 +176,11 @@ class _Chain:
             i = last
         return self._keep(keep, corners)
 
+    def _aside(self) -> FloatArray:
+        """Return how far beside a line each vertex may be and still be on it [mm]."""
+        aside: FloatArray = np.minimum(_ASIDE, _ASIDE_SHARE * self.tolerance)
+        return aside
+
     def _go_straight(self, first: int, last: int) -> int:
         """Return the last vertex of a straight line from ``first``, which reaches ``last``."""
         step = 1
@@ -190,7 +197,7 @@ class _Chain:
             return False
         along, off = self._measure_line(first, last)
         forwards = np.diff(along, prepend=0.0, append=1.0) > 0.0
-        return bool((off <= _ASIDE * self.tolerance[first + 1 : last]).all() and forwards.all())
+        return bool((off <= self._aside()[first + 1 : last]).all() and forwards.all())
 
     def _measure_line(self, first: int, last: int) -> tuple[FloatArray, FloatArray]:
         """Return where the vertices between two others are along their line, and how far off."""

@@ -8,6 +8,7 @@ is certified on every span, against the points and against the polyline, and not
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
@@ -41,6 +42,7 @@ _RELAXED = 1.6
 _STIFF = 30.0  # of the penalty, over what balances both sides at the length of a span
 _HURRY = 3.0  # power of the pace by which fairness counts: where it is quick, bends cost more
 _SLOWEST = 0.05  # of the quickest pace
+_DENSE = 100  # control points up to which full matrices are quicker than banded ones
 _PARTS = 4  # of each line, where its distance from the curve is bounded
 _PACES = 8  # places in a span where the pace is taken
 
@@ -190,7 +192,6 @@ class _Basis:
         self.control[: len(head)] = head
         self.control[count - len(tail) :] = tail[::-1]
         self.free = slice(len(head), count - len(tail))
-        self._full = csr_array((count, count))
         self.matrix = csr_array(BSpline.design_matrix(t, self.knots, _DEGREE))
         self.breaks = breaks
         self.third = _third_derivatives(self.knots, np.diff(breaks))
@@ -201,31 +202,41 @@ class _Basis:
         self.index = index
         self.weight = spans[index] ** -5.0 * counts / np.maximum(share[index], 1)
 
-    def _normal(self, weight: FloatArray, fairness: float) -> FloatArray:
-        """Factor the normal equations of the free control points."""
-        normal = self.matrix.T @ (self.matrix * weight[:, None])
-        normal = csr_array(normal + fairness * (self.third.T @ self.third))
-        self._full = normal
-        inner = normal[self.free, self.free]
-        bands = np.zeros((4, inner.shape[0]))
-        for k in range(min(4, inner.shape[0])):
-            bands[k, : inner.shape[0] - k] = inner.diagonal(k)
-        factor: FloatArray = cholesky_banded(bands, lower=True)
-        return factor
-
-    def _solve(self, factor: FloatArray, right: FloatArray) -> FloatArray:
+    def _prepare(self, weight: FloatArray, fairness: float) -> Callable[[FloatArray], FloatArray]:
+        """Return what finds the control points that are best for targets, shape (n, 3) each."""
+        back = csr_array(self.matrix.T * weight)
+        normal = csr_array(back @ self.matrix + fairness * (self.third.T @ self.third))
         fixed = self.control.copy()
         fixed[self.free] = 0.0
-        rest = (right - self._full @ fixed)[self.free]
-        control = fixed
-        control[self.free] = cho_solve_banded((factor, True), rest)
-        return control
+        known = (normal @ fixed)[self.free]
+        inner = normal[self.free, self.free]
+        to_right = csr_array(back[self.free])
+        if inner.shape[0] <= _DENSE:
+            inverse = np.linalg.inv(inner.toarray())
+            whole, offset = inverse @ to_right.toarray(), inverse @ known
+
+            def find(targets: FloatArray) -> FloatArray:
+                control = fixed.copy()
+                control[self.free] = whole @ targets - offset
+                return control
+
+            return find
+        bands = np.zeros((4, inner.shape[0]))
+        for k in range(4):
+            bands[k, : inner.shape[0] - k] = inner.diagonal(k)
+        factor = cholesky_banded(bands, lower=True, check_finite=False)
+
+        def find_banded(targets: FloatArray) -> FloatArray:
+            control = fixed.copy()
+            right = to_right @ targets - known
+            control[self.free] = cho_solve_banded((factor, True), right, check_finite=False)
+            return control
+
+        return find_banded
 
     def least_squares(self) -> BSpline:
         """Fit to points."""
-        p = self.samples.points
-        factor = self._normal(self.weight, _CURE)
-        control = self._solve(factor, self.matrix.T @ (p * self.weight[:, None]))
+        control = self._prepare(self.weight, _CURE)(self.samples.points)
         return BSpline(self.knots, control, _DEGREE)
 
     def fairest(self, share: float) -> BSpline:
@@ -237,19 +248,19 @@ class _Basis:
         p, allowed = self.samples.points, share * self.samples.tolerance
         safe = self.least_squares().c
         pace = _pace(BSpline(self.knots, safe, _DEGREE), self.breaks) ** _HURRY
-        weight = _STIFF * self.weight * pace[self.index]
         self.third = csr_array(diags_array(np.sqrt(pace)) @ self.third)
-        factor = self._normal(weight, 1.0)
-        control = self._solve(factor, self.matrix.T @ (p * weight[:, None]))
+        find = self._prepare(_STIFF * self.weight * pace[self.index], 1.0)
+        matrix = self.matrix.toarray() if self.matrix.shape[1] <= _DENSE else self.matrix
+        control = find(p)
         dual, held, before = np.zeros_like(p), p, control
         still = _STILL * float(allowed.min())
         for sweep in range(_SWEEPS):
-            here = _RELAXED * (self.matrix @ control) + (1.0 - _RELAXED) * held + dual
+            here = _RELAXED * (matrix @ control) + (1.0 - _RELAXED) * held + dual
             off = here - p
-            size = np.linalg.norm(off, axis=1)
-            held = p + off * np.minimum(1.0, allowed / np.maximum(size, _LOST**2))[:, None]
+            size = np.sqrt(np.einsum("ij,ij->i", off, off))
+            held = p + off * np.minimum(1.0, allowed / np.maximum(size, _LOST))[:, None]
             dual = here - held
-            control = self._solve(factor, self.matrix.T @ ((held - dual) * weight[:, None]))
+            control = find(held - dual)
             if sweep % _LOOK == 0:
                 if np.abs(control - before).max() < still:
                     break

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from duoglide.errors import PathError
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.segments import show
 from duoglide.motion.rounding.blend import SHAPE, Blend, Corner, find_nearest, join_quintics
-from duoglide.motion.rounding.course import SHARPEST, Course
+from duoglide.motion.rounding.course import SHARPEST, Course, Fitted
 from duoglide.motion.rounding.cut_backs import Corners, cut_backs
 from duoglide.motion.rounding.pieces import RawPath, chain_pieces
 
@@ -21,10 +20,8 @@ SMOOTH = 1e-9  # of tangents [1] and curvatures [1/mm]: a joint with less of a j
 ROUNDING = 1e-12  # [mm], of coordinates: what turns the tangents of very short segments
 SHORTEST = 1e-4  # [mm]; to slow down for a shorter blend takes as long as to rest in the corner
 ROUNDED_OFF = 1e-6  # [mm] by which explicit blends may overlap: they are shortened
-_APPROACHES = 4  # steps towards the place nearest to a waypoint that is no joint
+_APPROACHES = 12  # steps towards the place nearest to a waypoint that is no joint
 VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
-
-IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,17 +220,18 @@ def _restore(
         return RoundedCurve(course, curve, joints, *table)
     smooth = course.joint < 0
     waypoints = np.where(smooth, begins[course.inside] + course.offset, joints[course.joint])
-    waypoints[smooth] = _approach(curve, waypoints[smooth], course.points[smooth])
+    fitted = np.array([isinstance(segment, Fitted) for segment in course.segments])
+    beside = smooth & ~fitted[course.inside]  # on a line, whose end may have become a blend
+    waypoints[beside] = _approach(curve, waypoints[beside], course.points[beside])
     waypoints = np.maximum.accumulate(waypoints)
     origin = np.array(course.origin)
     named = np.flatnonzero(origin >= 0)
     full = np.zeros((4, waypoints.size))
     full[:, origin[named]] = table[:, named]
-    beside = np.ones(waypoints.size, dtype=bool)
-    beside[origin[named]] = False
-    full[3, beside] = np.linalg.norm(
-        curve.position(waypoints[beside]) - course.points[beside], axis=-1
-    )
+    others = np.ones(waypoints.size, dtype=bool)
+    others[origin[named]] = False
+    places = curve.position(waypoints[others])
+    full[3, others] = np.linalg.norm(places - course.points[others], axis=-1)
     return RoundedCurve(course, curve, waypoints, *full)
 
 

@@ -10,7 +10,7 @@ from duoglide.machine import Machine
 from duoglide.motion.path.actions import needs_rest
 from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import round_corners
-from duoglide.motion.path.segments import COINCIDENT, Segment, distance, show
+from duoglide.motion.path.segments import COINCIDENT, Line, Segment, distance, show
 from duoglide.motion.rounding.blend import Blend, Corner
 from duoglide.planning.programs.windows import STRAIGHT
 from duoglide.planning.rounding.choice import choose_blends
@@ -89,10 +89,16 @@ def _passes(one: Path, other: Path, tolerance: float) -> bool:
     return round_corners(joint).curve.rests == ()
 
 
-def _leave_room(joint: Corner, following: Segment) -> Corner:
-    """Shorten a blend to half of the segment after it; if that is long, a seam has room too."""
+def _leave_room(last: Segment, joint: Corner, following: Segment) -> Corner:
+    """Shorten a blend to the segment before it, and to half of the one after it.
+
+    If that is long, a seam has room too. Lines that go straight on count one by one, as a window
+    may end in each of them.
+    """
     if not isinstance(joint, Blend):
         return joint
+    if isinstance(last, Line):
+        joint = replace(joint, before=min(joint.before, distance(last.start, last.end)))
     half = 0.5 * distance(following.start, following.end)
     room = half - STRAIGHT if half > _MANY * STRAIGHT + NANOMETRE else half
     return replace(joint, after=min(joint.after, room))
@@ -135,5 +141,5 @@ def _fix_blends(
     inner = first + len(path.corners)
     joint: Corner = tolerance
     if following is not None:
-        joint = _leave_room(fixed[inner], following.segments[0])
+        joint = _leave_room(path.segments[-1], fixed[inner], following.segments[0])
     return replace(path, corners=tuple(fixed[first:inner])), joint

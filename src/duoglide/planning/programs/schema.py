@@ -6,6 +6,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
+from duoglide.machine import Timing
 from duoglide.machine.schema import DRAFT
 from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
 from duoglide.planning.programs.toml import KEYS, MOVES
@@ -29,6 +30,9 @@ _KEYS = {
     "tolerance": _told(_NUMBER, "How far a rounded corner may be from the programmed one [mm]."),
     "speed": _told(_NUMBER, "Cap on the tool's speed [mm/s]."),
     "acceleration": _told(_NUMBER, "Cap on the tool's acceleration [mm/s^2]."),
+    "timing": _told(
+        {"enum": [timing.value for timing in Timing]}, "How the motion along the path is timed."
+    ),
     "ignore": _told(
         {"type": "array", "items": {"type": "string"}}, "Keys to skip, each counted in the report."
     ),
@@ -51,7 +55,7 @@ _KEYS = {
     "seconds": _told(_NUMBER, "How long to stand still [s]."),
 }
 _ACTIONS = {"set_output": SetOutput, "wait_input": WaitInput, "dwell": Dwell}
-_HEADER = ("start", "tolerance", "speed", "acceleration", "ignore")
+_HEADER = ("start", "tolerance", "speed", "acceleration", "timing", "ignore")
 
 
 def program_schema() -> dict[str, Any]:

@@ -28,6 +28,7 @@ from duoglide.planning.tolerances import NANOMETRE
 from duoglide.planning.trajectory import Trajectory
 
 STRAIGHT = 4.0  # mm that a straight piece has at least where a seam is
+_APART = 1e-3  # mm; a seam that is nearer to a waypoint moves away from it
 _SHARE = 0.3  # This share of a straight piece comes before the seam.
 
 
@@ -129,9 +130,24 @@ def place_of_seam(rounded: RoundedPath, path: Path, low: float) -> float | None:
     long = straight & (curve.breaks[:-1] >= low - NANOMETRE) & (curve.spans >= STRAIGHT - NANOMETRE)
     for piece in np.flatnonzero(long).tolist():
         sigma = float(curve.breaks[piece] + _SHARE * curve.spans[piece])
+        sigma = _leave_waypoints(rounded.waypoints, sigma, float(curve.breaks[piece + 1]))
         if isinstance(path.segments[_find_segment(rounded.waypoints, sigma)], Line):
             return sigma
     return None
+
+
+def _leave_waypoints(waypoints: FloatArray, sigma: float, end: float) -> float:
+    """Move a seam off waypoints on a straight line, so that all there is clearly before or after.
+
+    It goes half way to the next waypoint, or to the end of the line.
+    """
+    near = np.abs(waypoints - sigma) < _APART
+    if not near.any():
+        return sigma
+    last = float(waypoints[near].max())
+    after = waypoints[waypoints > last + _APART]
+    following = float(after[0]) if after.size else end
+    return 0.5 * (last + min(end, following))
 
 
 def cut_at(trajectory: Trajectory, sigma: float) -> Seam | None:

@@ -28,6 +28,8 @@ class ForeignAxis(HomingAxis):
     def __init__(self, imitation: Imitation) -> None:
         super().__init__()
         self._imitation = imitation
+        for key in imitation.values.keys() & self.objects.keys():
+            self.objects[key] = imitation.values[key]
         self._method = imitation.here  # until it is told another one
 
     def read(self, index: int, sub: int) -> int:
