@@ -10,10 +10,11 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_every_file_that_the_walk_names_is_there() -> None:
+def test_the_walk_visits_each_folder_once_and_every_file_is_there() -> None:
     walk = README.split("## The walk of one move")[1].split("\n## ")[0]
     files = re.findall(r"`([a-z_]+(?:/[a-z_]+)+\.py)`", walk)
-    assert len(files) > 20
+    folders = [name.rpartition("/")[0] for name in files]
+    assert len(files) > 12 and len(set(folders)) == len(folders)
     missing = [name for name in files if not (ROOT / "src" / "duoglide" / name).exists()]
     assert not missing
 

@@ -11,6 +11,7 @@ from duoglide.errors import InputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
+IndexArray: TypeAlias = NDArray[np.intp]
 
 AXES = 3
 

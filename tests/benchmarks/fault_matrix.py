@@ -55,12 +55,13 @@ CORNERS = (
 )
 PATH = dg.Path.polyline(CORNERS, tolerance=5.0)
 WHEN = 0.4  # share of the run at which a fault comes
-QUICK_STOP = 0x0002
+QUICK_STOP, ENABLED = 0x0002, 0x000F
 NEWS = (EventKind.FAULT, EventKind.EMERGENCY, EventKind.BUS, EventKind.QUICK_STOP, EventKind.STOP)
 
 COMPLETED, STOPPED, QUICK = "completed", "stop on the path", "quick stop"
+FOLLOWED = "follows the drive"
 REFUSED, HARMLESS = "refused", "derived again"
-ANY_STOP = frozenset({STOPPED, QUICK})
+ANY_STOP = frozenset({STOPPED, QUICK, FOLLOWED})
 
 
 @dataclass(frozen=True, slots=True)
@@ -383,8 +384,15 @@ class Watch:
 
 
 def _reaction(rows: list[tuple[float, CycleRecord]]) -> str:
-    quick = any(QUICK_STOP in record.controlword for _, record in rows)
-    return QUICK if quick else STOPPED
+    """Tell how a run was stopped.
+
+    Where a drive is followed, the two others are enabled until all stand; else they get a quick
+    stop at once, or as soon as it is seen that the drive does not brake.
+    """
+    words = [record.controlword for _, record in rows if record.phase is Phase.STOP]
+    if sum(sorted(map(ENABLED.__eq__, three)) == [False, True, True] for three in words) > 3:
+        return QUICK if any(QUICK_STOP in three for three in words) else FOLLOWED
+    return QUICK if any(QUICK_STOP in record.controlword for _, record in rows) else STOPPED
 
 
 def _delay(log: Log, rows: list[tuple[float, CycleRecord]]) -> str:

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from host_by_hand import HostByHand
 from straight import Straight
 
 import duoglide as dg
-from duoglide.control.channel.events import Condition, Happening
-from duoglide.control.channel.orders import Command, Order, Policy, Power, StreamSettings
-from duoglide.control.channel.ring import CycleEntry, EventEntry
+from duoglide.control.channel.orders import Command, Policy, Power, StreamSettings
+from duoglide.control.channel.ring import CycleEntry
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
 from duoglide.control.host.run.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
@@ -58,22 +58,19 @@ class Drive:
         return frames if self.on else []
 
 
-class Bench:
+class Bench(HostByHand):
     """A streamer, its bus, its drives and its host, all in one thread."""
 
     def __init__(self, machine: dg.Machine, **policy: int) -> None:
+        super().__init__()
         self.machine = machine
         self.drives = [Drive(node) for node in machine.drives.node_ids]
         self.log: list[CycleEntry] = []
-        self.events: list[EventEntry] = []
         self.sent: list[tuple[int, bytes]] = []
-        self.handed_over: dict[int, PreparedSetpoints] = {}
-        self.host_gone, self.host_waited = False, 0
         self.reading = True
         self.broken = False
         self.deaf = False
         self.lose: Callable[[int], bool] = lambda identifier: False
-        self._orders: list[Order] = []
         self._queue: list[tuple[int, bytes]] = []
         self._answers: list[tuple[int, bytes]] = []
         self._life = 0
@@ -87,8 +84,6 @@ class Bench:
             drive.axis.write(0x1400, 5, 20)
             drive.axis.write(0x6007, 0, 3)
             drive.axis.write(0x605A, 0, 6)
-
-    echoes = False
 
     # what the tests do
 
@@ -113,9 +108,6 @@ class Bench:
     def interfere(self, identifier: int, data: bytes = b"") -> None:
         """Let somebody else send a frame."""
         self._queue.append((identifier, data))
-
-    def order(self, command: Command, argument: int = 0, value: float = 0.0) -> None:
-        self._orders.append(Order(command, argument, value))
 
     def enable(self) -> Bench:
         self.step(3)
@@ -142,14 +134,6 @@ class Bench:
             drive.axis.origin = -round(mm * 1000.0)
             drive.axis.tick(TICK, 0)
         return self
-
-    def happened(self, kind: Happening) -> list[EventEntry]:
-        return [event for event in self.events if event.kind == kind]
-
-    def tripped(self) -> list[tuple[Condition, int]]:
-        conditions = list(Condition)
-        trips = self.happened(Happening.TRIP)
-        return [(conditions[trip.detail], trip.axis) for trip in trips]
 
     def setpoints(self) -> np.ndarray:
         return np.array([e.setpoint for e in self.log])
@@ -179,21 +163,8 @@ class Bench:
         frames, self._queue = self._queue, []
         return [frame for frame in frames if not self.lose(frame[0])]
 
-    def close(self) -> None:
-        pass
-
-    def orders(self) -> list[Order]:
-        orders, self._orders = self._orders, []
-        return orders
-
-    def prepared(self, number: int) -> PreparedSetpoints | None:
-        return self.handed_over.get(number)
-
     def put_cycle(self, entry: CycleEntry) -> None:
         self.log.append(entry)
-
-    def put_event(self, entry: EventEntry) -> None:
-        self.events.append(entry)
 
     @property
     def signs_of_life(self) -> int:

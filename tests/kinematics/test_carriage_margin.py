@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from carriage_intervals import closes_throughout
 from numpy.random import default_rng
 
 import duoglide as dg
-from duoglide.kinematics.carriage_margin import closes_throughout
 
 MODES = [dg.WorkingMode(v, w1, -w1, w3) for v, w1, w3 in product((1, -1), (-1, 1), (1, -1))]
 ASSEMBLIES = [dg.AssemblyMode(m, n) for m in (1, -1) for n in (1, -1)]
@@ -197,8 +197,6 @@ def test_margin_is_nought_on_surfaces_and_in_modes_with_parallel_legs() -> None:
     assert not closes_throughout(geometry, carriages, carriages, dg.AssemblyMode(), parallel)
 
 
-def test_margin_refuses_what_is_out_of_reach_and_intervals_of_two_shapes() -> None:
+def test_margin_refuses_what_is_out_of_reach() -> None:
     with pytest.raises(dg.UnreachableError, match="too short"):
         dg.carriage_margin(dg.Geometry(), (0.0, 0.0, 500.0))
-    with pytest.raises(dg.InputError, match="one shape"):
-        closes_throughout(dg.Geometry(), np.zeros((2, 3)), np.zeros(3))

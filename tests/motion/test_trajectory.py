@@ -147,6 +147,7 @@ def test_the_audit_takes_no_rounding_for_jerk_whatever_the_machine_s_size(size: 
         clearance=2.0 * size,
         carriage_margin=size,
         carriage_width=60.0 * size,
+        drives=dg.DriveSettings(quick_stop_deceleration=6e4 * max(size, 1.0)),
     )
     ends = np.array([[-41.0, -100.0, 302.0], [-41.0, 100.0, 302.0]]) * size
     audit = dg.plan(machine, dg.Path.line(*ends), brake_safe=False).audit()

@@ -13,16 +13,17 @@ AHEAD = """
 import duoglide as dg
 from duoglide.planning import compile_ahead
 from duoglide.planning.braking import kernel as _brake_kernel
+from duoglide.planning.braking import led_kernel as _led_kernel
 from duoglide.planning.braking import carriage_bounds as _carriage_bounds
 from duoglide.kinematics.headroom import nearby_kernel as _nearby_kernel
 from duoglide.planning.stops import kernel as _stopping_kernel
 compile_ahead.main()
 loops = [
     _brake_kernel.spread, _carriage_bounds.through_links, _nearby_kernel.swing,
-    _stopping_kernel.find_largest_slopes, _stopping_kernel.fill_windows,
+    _stopping_kernel.find_largest_slopes, _stopping_kernel.fill_windows, _led_kernel.follow,
 ]
 before = [loop.signatures for loop in loops]
-dg.plan(dg.Machine.default(), dg.pick_and_place((-41, -60, 295), (-41, 60, 295), lift=25))
+dg.plan(dg.Machine.default(), dg.pick_and_place((-41, -60, 295), (-41, 60, 295), lift=25)).audit()
 print(all(before), before == [loop.signatures for loop in loops])
 """
 

@@ -145,5 +145,5 @@ def test_the_command_shows_both_runs_side_by_side(
 
 def test_a_run_that_never_began_is_refused(usual: Path, write_run: WriteRun) -> None:
     still = write_run([(0.0, 0.0, Phase.HOLD)], "still.mcap")
-    with pytest.raises(dg.LogError, match="without a cycle on its program"):
+    with pytest.raises(dg.LogError, match="without a cycle on its plan"):
         compare(read_log(usual), read_log(still))

@@ -45,7 +45,7 @@ def test_a_changed_pace_comes_back_setpoint_for_setpoint(
     prepared = prepare(recorded.motion, Fence.of(trajectory.machine), 1, Phase.PROGRAM)
     [stretch] = prepared.stretches
     data = recorded.data
-    sent = data.setpoint[data.on_program]
+    sent = data.setpoint[data.on_plan]
     again = np.array(stretch.grid[1 : len(sent) + 1])
     assert np.array_equal(again, sent)
 
@@ -115,7 +115,7 @@ def test_a_run_that_has_lost_cycles_of_its_program_is_not_replayed(
     file = rewrite(run_log, tmp_path / "filtered.mcap", {}, keep=lost)
     with pytest.warns(LogWarning, match="10 of .* messages have been filtered out or lost"):
         log = read_log(file)
-    with pytest.raises(dg.LogError, match="cycles 1028 to 1037 of the program among them"):
+    with pytest.raises(dg.LogError, match="cycles 1028 to 1037 of the plan among them"):
         rebuild(log)
     rewrite(run_log, file, {}, keep=first_event)
     with pytest.warns(LogWarning, match="1 of .* messages"):
@@ -129,7 +129,7 @@ def test_a_plan_and_a_run_that_never_began_are_refused(
     trajectory.save(tmp_path / "plan.mcap")
     with pytest.raises(dg.LogError, match=r"is a plan, not a run: `duoglide stream`"):
         rebuild(read_log(tmp_path / "plan.mcap"))
-    with pytest.raises(dg.LogError, match="no cycle on its program"):
+    with pytest.raises(dg.LogError, match="no cycle on its plan"):
         rebuild(read_log(write_run([(0.0, 0.0, Phase.HOLD)] * 5)))
 
 

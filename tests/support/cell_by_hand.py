@@ -7,12 +7,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from host_by_hand import HostByHand
 
 import duoglide as dg
-from duoglide.control.channel.events import Condition, Happening
-from duoglide.control.channel.orders import Command, Order, Power
+from duoglide.control.channel.events import Happening
+from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.ring import CycleEntry, EventEntry, Ring
-from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
+from duoglide.control.channel.setpoints import Fence
 from duoglide.control.host.connection import describe_stream
 from duoglide.control.host.run.prepare import prepare
 from duoglide.control.streamer.cycle import Streamer
@@ -30,7 +31,7 @@ def _pass_on(frame: Frame) -> list[Frame]:
     return [frame]
 
 
-class CellByHand:
+class CellByHand(HostByHand):
     """Streamer and simulated drives; ``cycles`` lets time pass.
 
     Args:
@@ -42,12 +43,7 @@ class CellByHand:
         to_drives: What becomes of a frame on its way to the drives.
         to_host: Likewise, to the streamer.
         log: Every cycle.
-        events: Everything that was told.
     """
-
-    echoes = False
-    host_gone = False
-    host_waited = 0
 
     def __init__(
         self,
@@ -55,6 +51,7 @@ class CellByHand:
         carriages: Sequence[float],
         plants: Sequence[PlantParameters] | None = None,
     ) -> None:
+        super().__init__()
         self.machine = machine
         self.rack = build_rack(machine.drives, carriages, plants, standstill=0.0)
         for node, place in zip(self.rack.nodes, carriages, strict=True):
@@ -62,15 +59,12 @@ class CellByHand:
         self.to_drives: Spoil = _pass_on
         self.to_host: Spoil = _pass_on
         self.log: list[CycleEntry] = []
-        self.events: list[EventEntry] = []
         self.strange: list[Frame] = []
         self.signs_of_life = 0
         self.number = 0
         self._period = round(machine.drives.cycle * 1e9)
-        self._orders: list[Order] = []
         self._answers: list[Frame] = []
         self._heard: list[Frame] = []
-        self._handed_over: dict[int, PreparedSetpoints] = {}
         descriptor = Ring.allocate()
         self._ring = Ring(descriptor)
         self.streamer = Streamer(self, describe_stream(machine), self, self)
@@ -99,9 +93,6 @@ class CellByHand:
 
     # what tests do
 
-    def order(self, command: Command, argument: int = 0, value: float = 0.0) -> None:
-        self._orders.append(Order(command, argument, value))
-
     def enable(self) -> CellByHand:
         self.cycles(5)
         self.order(Command.POWER, Power.ON)
@@ -118,10 +109,10 @@ class CellByHand:
     ) -> None:
         """Begin a run; it goes on as cycles pass."""
         fence = Fence.of(self.machine)
-        number = len(self._handed_over) + 1
+        number = len(self.handed_over) + 1
         prepared = prepare(trajectory, fence, number, Phase.PROGRAM, margin_at)
         prepared = replace(prepared, led=led)
-        self._handed_over[number] = prepared
+        self.handed_over[number] = prepared
         self.order(Command.RUN, number, override)
 
     def cycles(self, count: int, skipped: int = 0) -> None:
@@ -132,6 +123,10 @@ class CellByHand:
             self.streamer.cycle(self.number, now, skipped * self._period, skipped)
             self.rack.poll(now // 1000 + 1)
             self._collect()
+
+    def pass_within(self, share: float) -> None:
+        """Let the drives come to a share of the cycle that has begun, 0 to 1."""
+        self.rack._pass_to((self.number * self._period + int(share * self._period)) // 1000)
 
     def _collect(self) -> None:
         answers, self._answers = self._answers, []
@@ -151,9 +146,6 @@ class CellByHand:
             raise AssertionError(f"the run is not over after {most} cycles")
         self.cycles(100)
 
-    def happened(self, kind: Happening) -> list[EventEntry]:
-        return [event for event in self.events if event.kind == kind]
-
     @property
     def events_of_loss(self) -> list[EventEntry]:
         return self.happened(Happening.LOST)
@@ -161,11 +153,6 @@ class CellByHand:
     @property
     def completed(self) -> bool:
         return bool(self.happened(Happening.FINISHED))
-
-    def tripped(self) -> list[tuple[Condition, int]]:
-        conditions = list(Condition)
-        trips = self.happened(Happening.TRIP)
-        return [(conditions[trip.detail], trip.axis) for trip in trips]
 
     @property
     def carriages(self) -> np.ndarray:
@@ -184,16 +171,6 @@ class CellByHand:
         frames = self._heard + self.strange
         self._heard, self.strange = [], []
         return frames
-
-    def close(self) -> None:
-        pass
-
-    def orders(self) -> list[Order]:
-        orders, self._orders = self._orders, []
-        return orders
-
-    def prepared(self, number: int) -> PreparedSetpoints | None:
-        return self._handed_over.get(number)
 
     def put_cycle(self, entry: CycleEntry) -> None:
         self._ring.put_cycle(entry)

@@ -113,7 +113,7 @@ def test_what_a_killed_program_leaves_behind_is_nobody() -> None:
     code = "import socket, sys; s = socket.socket(socket.AF_UNIX); s.bind(sys.argv[1]); s.listen()"
     subprocess.run([sys.executable, "-c", code, str(folder / "7.sock")], check=True, timeout=600)
     with pytest.raises(
-        dg.BusError, match=r"no program shares a machine; a duoglide stream, replay"
+        dg.BusError, match=r"no process shares a machine; a duoglide stream, replay"
     ):
         find()
     assert not list(folder.iterdir())

@@ -8,7 +8,7 @@ import shutil
 import sys
 import textwrap
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -140,7 +140,7 @@ def working(text: str) -> Iterator[None]:
 
 
 @contextmanager
-def progress(text: str, total: float, first: str = "") -> Iterator[Any]:
+def progress(text: str, total: float, first: str = "") -> Iterator[Callable[[float], None]]:
     """Show on stderr how far something is.
 
     Args:

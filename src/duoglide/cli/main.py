@@ -51,8 +51,8 @@ DONE, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
 
 _NO_MEMORY = (
-    "this computer gives the program no more memory or threads; a machine that had power has been"
-    " stopped and switched off. Give it more (ulimit -v, ulimit -u), or end other programs"
+    "this computer gives the process no more memory or threads; a machine that had power has been"
+    " stopped and switched off. Give it more (ulimit -v, ulimit -u), or end other processes"
 )
 
 # Help is data, here and in each verb: what Python drops with -OO is no place for it.

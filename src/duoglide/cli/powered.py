@@ -80,7 +80,7 @@ def under_power(
                 robot.prepare(*run)
             robot.enable()
             robot.home(confirm=home_here)
-        try:  # let other programs join; where that cannot be, the run goes on without
+        try:  # let other processes join; where that cannot be, the run goes on without
             resources.enter_context(share(robot))
         except BusError as error:
             complain(f"warning: {error}", 0)

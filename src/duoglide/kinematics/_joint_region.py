@@ -29,7 +29,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.constants import Plane
-from duoglide.kinematics.modes import AssemblyMode, WorkingMode
+from duoglide.kinematics.modes import AssemblyMode
 from duoglide.machine import Geometry
 
 SAMPLES = 4001  # of each curve, between which its tips are looked for
@@ -185,8 +185,3 @@ def _touching(
     R, g, _ = along(low)
     kept = (R >= 0.0) & (l9 >= R)
     return list(zip((2.0 * l2 * np.sin(low[kept])).tolist(), g[kept].tolist(), strict=True))
-
-
-def side_of(mode: WorkingMode) -> tuple[float, float]:
-    """Return the signs of B and of yA3 - y in a working mode with w1 != w2."""
-    return 0.5 * (mode.w2 - mode.w1), 1.0 * mode.w3

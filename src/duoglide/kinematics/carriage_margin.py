@@ -14,15 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duoglide.arrays import BoolArray, FloatArray, as_triples
-from duoglide.errors import InputError
+from duoglide.arrays import BoolArray, FloatArray, IndexArray, as_triples
 from duoglide.kinematics._joint_region import (
     JointRegion,
     RegionConstants,
-    Tip,
     depth_pose,
     joint_region,
-    side_of,
 )
 from duoglide.kinematics.compiled import compiled, share
 from duoglide.kinematics.constants import pose_constants
@@ -101,6 +98,23 @@ def margin_up_to(
         found[rows] = np.minimum(places[rows].margins(), found[rows])
         margin[own] = found
     return margin
+
+
+def keeps_margin(
+    geometry: Geometry, position: FloatArray, reach: Reach, least: FloatArray
+) -> BoolArray:
+    """Tell where the carriage margin is above ``least``, without finding it.
+
+    Args:
+        geometry: Dimensions of the robot, in its working mode.
+        position: Platform centre O' within reach [mm], shape (n, 3).
+        reach: What ``reach_of`` says of the positions.
+        least: Margin to be exceeded [mm], shape (n,); NaN and infinity never are.
+    """
+    kept = np.zeros(len(position), dtype=bool)
+    for region, own in _regions(geometry, position, reach, WORKING):
+        kept[own] = _Places.of(region, reach[own]).keep(least[own] + RESERVE)
+    return kept
 
 
 def least_margin(
@@ -184,7 +198,7 @@ class _Places:
             high = np.minimum(high, np.maximum(0.5 * aside, beyond))
         return cls(region, b, g, np.maximum(high, 0.0))
 
-    def __getitem__(self, rows: Any) -> _Places:
+    def __getitem__(self, rows: IndexArray | list[int]) -> _Places:
         return _Places(self.region, self.b[rows], self.g[rows], self.high[rows])
 
     def depth(self, e: FloatArray) -> FloatArray:
@@ -267,89 +281,3 @@ def _compiled_loop() -> Any:
 def fold_of(geometry: Geometry) -> float:
     """Return the b at which obstacles of the region change their directions [mm]; inf if none."""
     return joint_region(geometry, ASSEMBLY, WORKING.v).fold
-
-
-def closes_throughout(
-    geometry: Geometry,
-    lowest: ArrayLike,
-    highest: ArrayLike,
-    assembly: AssemblyMode = ASSEMBLY,
-    working: WorkingMode = WORKING,
-) -> BoolArray:
-    """Tell whether the links close wherever the carriages are within intervals, on one side.
-
-    Exact up to rounding, which is decided against closing: where it is true, every triple of
-    carriages in the intervals closes in these modes, and none is on a singular surface or an edge
-    of reach, nor would one be crossed between two of them. Links only: the ends of the rails are
-    not looked at.
-
-    Args:
-        geometry: Dimensions of the robot.
-        lowest: Lowest place of each carriage [mm], shape (..., 3).
-        highest: Highest place of each carriage [mm], the same shape.
-        assembly: Which of the forward solutions.
-        working: Which of the inverse solutions; in the modes w1 = w2 every pose is singular.
-
-    Returns:
-        Boolean mask of shape (...); false, too, where a lowest place is above the highest.
-
-    Raises:
-        InputError: Not finite numbers of one shape (..., 3).
-    """
-    low, high = as_triples(lowest, "lowest"), as_triples(highest, "highest")
-    if low.shape != high.shape:
-        raise InputError(f"lowest {low.shape} and highest {high.shape} must have one shape")
-    if working.w1 == working.w2:
-        return np.zeros(low.shape[:-1], dtype=bool)[()]
-    region = joint_region(geometry, assembly, working.v)
-    hexagon = _hexagon(low, high, geometry.coupler_length, side_of(working))
-    good: BoolArray = _inside(region, hexagon) & (low <= high).all(axis=-1)
-    return good[()]
-
-
-def _hexagon(
-    low: FloatArray, high: FloatArray, coupler: float, side: tuple[float, float]
-) -> tuple[FloatArray, ...]:
-    """Return the lowest and the highest b, s and t of carriages within intervals [mm]."""
-    (low1, low2, low3), (high1, high2, high3) = np.moveaxis(low, -1, 0), np.moveaxis(high, -1, 0)
-    half = 0.5 * coupler
-    to_b, to_g = side
-    b = _turned(low2 - high1 - coupler, high2 - low1 - coupler, to_b)
-    s = _turned(low3 - high1 - half, high3 - low1 - half, to_g)
-    t = _turned(low3 - high2 + half, high3 - low2 + half, to_g)
-    return (*b, *s, *t) if to_b * to_g > 0.0 else (*b, *t, *s)
-
-
-def _turned(low: FloatArray, high: FloatArray, sign: float) -> tuple[FloatArray, FloatArray]:
-    """Return an interval, or its mirror image, a little larger for rounding."""
-    first, last = (low, high) if sign > 0.0 else (-high, -low)
-    return first - RESERVE, last + RESERVE
-
-
-def _inside(region: JointRegion, hexagon: tuple[FloatArray, ...]) -> BoolArray:
-    """Tell which hexagons lie in the region."""
-    b_low, b_high, s_low, s_high, t_low, t_high = hexagon
-    top, bottom = s_high - t_high, s_low - t_low
-    b = np.stack([b_low, b_low, top, b_high, b_high, bottom])
-    g = np.minimum(s_high - 0.5 * b, t_high + 0.5 * b)
-    g[::2] = np.maximum(s_low - 0.5 * b[::2], t_low + 0.5 * b[::2])
-    g[2], g[5] = 0.5 * (s_high + t_high), 0.5 * (s_low + t_low)
-    good: BoolArray = _depth(b, g, region.constants).min(axis=0) > 0.0
-    for tip in region.tips:
-        good &= ~_holds(tip, hexagon)
-    return good
-
-
-def _holds(tip: Tip, hexagon: tuple[FloatArray, ...]) -> BoolArray:
-    """Tell which hexagons hold something of the obstacle in its directions from a tip."""
-    b_low, b_high, s_low, s_high, t_low, t_high = hexagon
-    # mirrored so that the obstacle goes on in the directions of larger b and g
-    low, high = (b_low, b_high) if tip.to_b > 0.0 else (-b_high, -b_low)
-    if tip.to_g > 0.0:
-        s, t = (s_high, t_high) if tip.to_b > 0.0 else (t_high, s_high)
-    else:
-        s, t = (-t_low, -s_low) if tip.to_b > 0.0 else (-s_low, -t_low)
-    start, end = np.maximum(low, max(tip.b, tip.start)), np.minimum(high, tip.end)
-    b = np.clip(s - t, start, np.maximum(end, start))
-    held: BoolArray = (start <= end) & (np.minimum(s - 0.5 * b, t + 0.5 * b) >= tip.g)
-    return held

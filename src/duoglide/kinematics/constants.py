@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from duoglide.errors import InputError
 from duoglide.kinematics.modes import AssemblyMode, WorkingMode, number
@@ -186,7 +186,7 @@ def _new_carriage_constants(g: Geometry, mode: AssemblyMode) -> CarriageConstant
     return _remember(g, "carriage_constants", mode, constants)
 
 
-def _require(g: Any, mode: Any, kind: type[WorkingMode | AssemblyMode]) -> None:
+def _require(g: object, mode: object, kind: type[WorkingMode | AssemblyMode]) -> None:
     """Refuse what is no geometry, or not a mode of this kind."""
     if not isinstance(g, Geometry):
         hint = "; a Machine has one, machine.geometry" if hasattr(g, "geometry") else ""

@@ -11,12 +11,13 @@ where a, b and theirs are known only within bounds. Tests hold them together.
 from __future__ import annotations
 
 from math import comb, sqrt
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.constants import PoseConstants
 
 Jet: TypeAlias = tuple[float, float, float, float]  # a value and three derivatives
+Three: TypeAlias = tuple[float, float, float]  # derivatives, without the value
 ArrayJet: TypeAlias = list[FloatArray]  # values, first derivatives, second, ...
 
 
@@ -28,7 +29,7 @@ def root_jet(r: float, a: Jet, b: Jet) -> Jet:
     return r, r1, r2, r3
 
 
-def root_bounds(low: float, square: Any, one: Any, other: Any) -> tuple[float, float, float]:
+def root_bounds(low: float, square: tuple[float, float], one: Three, other: Three) -> Three:
     """Bound three derivatives of a root r >= low of L^2 - a^2 - b^2: ``root_jet``, every term +.
 
     Args:

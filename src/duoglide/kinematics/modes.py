@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from numbers import Real
-from typing import Any
 
 from duoglide.errors import InputError
 
@@ -61,7 +60,7 @@ class AssemblyMode(Numbered):
         _require_signs(self)
 
 
-def _require_signs(mode: Any) -> None:
+def _require_signs(mode: WorkingMode | AssemblyMode) -> None:
     """Store each field as a plain int, or refuse it."""
     for field in fields(mode):
         value = getattr(mode, field.name)

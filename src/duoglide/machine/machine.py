@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from duoglide.errors import ConfigError, InputError
+from duoglide.errors import ConfigError
 from duoglide.machine import rules
 from duoglide.machine.cell import Box
 from duoglide.machine.drive_quirks import Homing, Quirks
@@ -20,7 +20,7 @@ from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits, DerivedLimits
 from duoglide.machine.meaning import documented, setting, told
 from duoglide.machine.timing import Timing
-from duoglide.machine.toml_read import decoded, read_tables
+from duoglide.machine.toml_read import load_file
 
 _LARGEST = 2**31 - 1  # that a drive counts to
 _LONGEST_BRAKING = 10.0  # [s]
@@ -165,20 +165,7 @@ class Machine:
         Raises:
             ConfigError: Not a path, no such file, not TOML, an unknown key, or a broken rule.
         """
-        if not isinstance(path, str | os.PathLike):
-            raise ConfigError(f"machine file {path!r:.80}: must be the path of a TOML file")
-        try:
-            text = decoded(Path(path).read_bytes())
-        except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
-            raise ConfigError(f"cannot read machine file {path}: {error}") from error
-        try:
-            tables = read_tables(text, str(path))
-        except InputError as error:
-            raise ConfigError(str(error)) from error
-        try:
-            return cls.from_dict(tables)
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from error
+        return load_file(path, "machine file", cls.from_dict)
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any]) -> Machine:
@@ -274,6 +261,6 @@ def _in_json(value: Any) -> Any:
     return rules.NONE if isinstance(value, float) and value == inf else value
 
 
-def _left_out(value: Any) -> bool:
+def _left_out(value: object) -> bool:
     """Whether a field says nothing that reading the file would not find by itself."""
     return value is None or isinstance(value, DerivedLimits)

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import codecs
+import os
 import tomllib
-from typing import Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
 
-from duoglide.errors import InputError
+from duoglide.errors import ConfigError, InputError
+
+T = TypeVar("T")
 
 _MARKS = {
     codecs.BOM_UTF32_LE: "UTF-32",
@@ -16,6 +21,33 @@ _MARKS = {
 }
 _DEEPEST = 32  # levels of tables and lists
 _LARGEST = 2**63  # integers of TOML have 64 bits
+
+
+def load_file(path: str | os.PathLike[str], what: str, build: Callable[[dict[str, Any]], T]) -> T:
+    """Read a TOML file that describes something.
+
+    Args:
+        path: Where it is.
+        what: What the file is, for errors: "machine file".
+        build: Makes the thing of the file's tables.
+
+    Raises:
+        ConfigError: Not a path, no such file, not TOML, or what ``build`` refuses; names the file.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise ConfigError(f"{what} {path!r:.80}: must be the path of a TOML file")
+    try:
+        text = decoded(Path(path).read_bytes())
+    except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
+        raise ConfigError(f"cannot read {what} {path}: {error}") from error
+    try:
+        tables = read_tables(text, str(path))
+    except InputError as error:
+        raise ConfigError(str(error)) from error
+    try:
+        return build(tables)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
 
 
 def decoded(data: bytes, *, comments_in_any: bool = False) -> str:

@@ -8,9 +8,8 @@ from math import cbrt, ulp
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray, read_only
+from duoglide.arrays import FloatArray, IndexArray, read_only
 from duoglide.machine import CarriageLimits
 from duoglide.motion.led_stops import PROMISED, LedStops
 from duoglide.motion.motion import Motion
@@ -97,7 +96,7 @@ class Audit:
     duration: float
     times: FloatArray
     use: FloatArray
-    limiting: NDArray[np.intp]
+    limiting: IndexArray
     shares: tuple[Share, ...]
     fallback: str
     least_clearance: float
@@ -214,7 +213,7 @@ def _explain_sampling(path: Path) -> str:
     return explain_sampling(path.segments, path.corners, path.halts)
 
 
-Findings: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.intp]]
+Findings: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, IndexArray]
 
 
 def _by_differences(motion: Motion, step: float) -> Findings:
@@ -298,9 +297,7 @@ def _feed_share(motion: Motion) -> float:
     return float(np.mean(use >= AT_LIMIT))
 
 
-def _share_time(
-    times: FloatArray, limiting: NDArray[np.intp], use: FloatArray
-) -> tuple[Share, ...]:
+def _share_time(times: FloatArray, limiting: IndexArray, use: FloatArray) -> tuple[Share, ...]:
     """Return how long each limit holds the motion back, the longest first."""
     spans = np.gradient(times) if times.size > 1 else np.ones(times.size)
     held = use >= AT_LIMIT

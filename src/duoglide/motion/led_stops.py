@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
-import numpy as np
-
-from duoglide.arrays import AXES, FloatArray
+from duoglide.arrays import AXES
 
 PROMISED = 1.0  # [mm] that the platform may leave its path by where staying on it is promised
 LEAST_STEP = 0.02  # [mm] in a cycle of the plan by which a carriage still tells the path time
@@ -51,16 +50,11 @@ class LedStops:
         return first, second, third
 
 
-def catch_up(
-    gap: FloatArray | float,
-    before: FloatArray | float,
-    pace: FloatArray | float,
-    most: FloatArray | float,
-) -> FloatArray:
+def catch_up(gap: float, before: float, pace: float, most: float) -> float:
     """Return by how much path time goes on in the next cycle, behind a drive that brakes [s].
 
     The gap is closed as fast as may be, so that it can be closed without passing over; path time
-    never goes back.
+    never goes back. Plain arithmetic, which is compiled too.
 
     Args:
         gap: From the newest setpoint to the drive's place at the end of the cycle [s].
@@ -68,8 +62,7 @@ def catch_up(
         pace: How far it goes on in a cycle at the drive's speed [s].
         most: By how much that may change from cycle to cycle [s].
     """
-    away = gap - pace
-    extra = 0.5 * most * (np.sqrt(1.0 + 8.0 * np.abs(away) / most) - 1.0)
-    wished = pace + np.sign(away) * np.minimum(extra, np.abs(away))
-    step: FloatArray = np.clip(wished, np.maximum(before - most, 0.0), before + most)
-    return step
+    away = abs(gap - pace)
+    extra = min(0.5 * most * (sqrt(1.0 + 8.0 * away / most) - 1.0), away)
+    wished = pace + extra if gap > pace else pace - extra
+    return min(max(wished, before - most, 0.0), before + most)

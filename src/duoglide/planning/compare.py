@@ -11,9 +11,8 @@ from __future__ import annotations
 from math import ceil, inf
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, IndexArray
 from duoglide.planning.tolerances import ALIKE, ROUNDING
 
 
@@ -30,7 +29,7 @@ def less(one: float, other: float, within: float = 0.0) -> bool:
     return one < other - max(within, ALIKE * abs(other))
 
 
-def first_least(values: FloatArray, axis: int = 0, within: float = 0.0) -> NDArray[np.intp]:
+def first_least(values: FloatArray, axis: int = 0, within: float = 0.0) -> IndexArray:
     """Return the first index along an axis whose value is not clearly above the least one.
 
     Args:
@@ -41,7 +40,7 @@ def first_least(values: FloatArray, axis: int = 0, within: float = 0.0) -> NDArr
     least = values.min(axis=axis, keepdims=True)
     with np.errstate(invalid="ignore"):  # of infinity, which equals itself
         close = values <= least + np.maximum(within, ALIKE * np.abs(least))
-    first: NDArray[np.intp] = np.argmax(close | (values == least), axis=axis)
+    first: IndexArray = np.argmax(close | (values == least), axis=axis)
     return first
 
 

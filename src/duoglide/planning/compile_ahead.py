@@ -40,7 +40,7 @@ def ready() -> bool:
     """
     from duoglide.kinematics.compiled import kept
     from duoglide.kinematics.headroom import nearby_kernel
-    from duoglide.planning.braking import carriage_bounds
+    from duoglide.planning.braking import carriage_bounds, led_kernel
     from duoglide.planning.braking import kernel as brake_kernel
     from duoglide.planning.stops import kernel as stop_kernel
     from duoglide.planning.timing import interior_point, motion_kernel, rows
@@ -57,6 +57,7 @@ def ready() -> bool:
             stop_kernel.find_largest_slopes,
             stop_kernel.fill_windows,
             brake_kernel.spread,
+            led_kernel.follow,
         )
     )
 
@@ -82,6 +83,7 @@ def main() -> None:
     from duoglide.motion.path.path import Path
     from duoglide.motion.profile import Profile
     from duoglide.planning.braking.certificate import brake_report
+    from duoglide.planning.braking.led import led_stops
     from duoglide.planning.check.check import check_path
     from duoglide.planning.stops.certificate import certify_stops
 
@@ -101,6 +103,7 @@ def main() -> None:
     move = Motion(map_to_carriages(check_path(machine, path)), Profile(knots))
     certify_stops(move)
     brake_report(move)
+    led_stops(move)
 
 
 if __name__ == "__main__":

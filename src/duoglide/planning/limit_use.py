@@ -11,12 +11,11 @@ absolute value of each term. Cells are cut until that is sharp enough.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, IndexArray
 from duoglide.errors import LimitError, PathError
 from duoglide.kinematics.constants import pose_constants
 from duoglide.kinematics.derivatives import ArrayJet, root_jet_bounds
@@ -282,7 +281,7 @@ class _Search:
             )
 
     def _bound(
-        self, row: NDArray[np.intp], piece: NDArray[np.intp], low: FloatArray, high: FloatArray
+        self, row: IndexArray, piece: IndexArray, low: FloatArray, high: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the use of every limit at the ends of cells, and how much it may be more between.
 
@@ -300,7 +299,7 @@ class _Search:
         return ends, np.where(np.isinf(self._limits), 0.0, bow)
 
     def _uses(
-        self, along: FloatArray, piece: NDArray[np.intp], row: NDArray[np.intp], u: FloatArray
+        self, along: FloatArray, piece: IndexArray, row: IndexArray, u: FloatArray
     ) -> FloatArray:
         """Measure the use of every limit at instants, (n, 3, 3)."""
         q = self._motion.path.derivatives(along[:, 0], piece)
@@ -316,7 +315,7 @@ class _Search:
         return uses
 
     def _carriage_bounds(
-        self, sigma: FloatArray, piece: NDArray[np.intp], rates: ArrayJet, half: FloatArray
+        self, sigma: FloatArray, piece: IndexArray, rates: ArrayJet, half: FloatArray
     ) -> FloatArray:
         """Bound the derivatives 1 to 5 of the carriages by time in cells, (n, 5, 3)."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -401,8 +400,11 @@ def _through_links(
     return np.stack([legs, legs, strut], axis=-1)
 
 
-def _divide(row: Any, piece: Any, low: Any, high: Any, parts: Any) -> Any:
+def _divide(
+    row: IndexArray, piece: IndexArray, low: FloatArray, high: FloatArray, parts: IndexArray
+) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
     """Cut cells into so many equal parts each."""
-    row, piece, first, step = (np.repeat(a, parts) for a in (row, piece, low, (high - low) / parts))
+    first, step = np.repeat(low, parts), np.repeat((high - low) / parts, parts)
     k = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    return row, piece, first + k * step, first + (k + 1) * step
+    rows, pieces = np.repeat(row, parts), np.repeat(piece, parts)
+    return rows, pieces, first + k * step, first + (k + 1) * step

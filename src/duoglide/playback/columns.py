@@ -11,7 +11,7 @@ from duoglide.errors import SingularityError, UnreachableError
 from duoglide.kinematics.model import forward, reachable
 from duoglide.kinematics.singularity.margins import clearance, margins
 from duoglide.machine import Geometry
-from duoglide.playback.run_data import RunData, read_run
+from duoglide.playback.run_data import IntArray, RunData, read_run
 from duoglide.storage import Log, LogKind, MotionRecord, Topic
 
 Columns = dict[str, Any]
@@ -112,7 +112,7 @@ def margin_columns(geometry: Geometry, position: FloatArray) -> Columns:
     return table
 
 
-def _add_axes(columns: Columns, name: str, unit: str, values: Any) -> None:
+def _add_axes(columns: Columns, name: str, unit: str, values: FloatArray | IntArray) -> None:
     """Add one column per carriage."""
     for axis in range(AXES):
         columns["_".join(filter(None, (name, str(axis + 1), unit)))] = values[:, axis]

@@ -53,14 +53,14 @@ class Streamed:
         return cls(plan=plan_of(log), data=read_run(log))
 
     def rows(self) -> IntArray:
-        """Return the cycles on the program.
+        """Return the cycles on the plan.
 
         Raises:
             LogError: There are none.
         """
-        rows: IntArray = np.flatnonzero(self.data.on_program)
+        rows: IntArray = np.flatnonzero(self.data.on_plan)
         if len(rows) == 0:
-            raise LogError("a run without a cycle on its program cannot be compared")
+            raise LogError("a run without a cycle on its plan cannot be compared")
         return rows
 
     def numbers(self, rows: IntArray) -> IntArray:
@@ -79,9 +79,9 @@ class RunSide:
     """One of two runs.
 
     Attributes:
-        cycles: How many it has on its program.
+        cycles: How many it has on its plan.
         planned: Duration of its plan [s].
-        duration: From its first cycle on the program to the last [s].
+        duration: From its first cycle on the plan to the last [s].
         path_time: How far along its plan it came [s].
         paces: Speeds along the path that lasted for ten cycles or more, in their order, as shares
             of the quicker plan's speed at the same place; 0 is a hold. Where there are two paths,
@@ -108,10 +108,10 @@ class Comparison:
         same_path: Whether their carriages go along the same curve.
         setpoint: Worst difference of setpoints per carriage [increments]: at equal places of the
             path; where there are two paths, at equal path time.
-        first: The first cycle on the program of either whose setpoint differs, counted from 0; -1
+        first: The first cycle on the plan of either whose setpoint differs, counted from 0; -1
             for none.
         actual: Worst difference of actual positions per carriage there [mm], where both answered.
-        common: Cycles on the program that both have, by their number.
+        common: Cycles on the plan that both have, by their number.
         by_cycle: Worst difference of setpoints between those, per carriage [increments].
     """
 
@@ -147,7 +147,7 @@ def compare(one: Log, other: Log) -> Comparison:
     """Compare two runs: their setpoints, their pace, and what the carriages made of them.
 
     Raises:
-        LogError: One is no run, holds no plan, or has no cycle on its program.
+        LogError: One is no run, holds no plan, or has no cycle on its plan.
     """
     return compare_streamed(Streamed.of(one), Streamed.of(other))
 

@@ -40,7 +40,7 @@ def rebuild(log: Log) -> Recorded:
     """Return the motion of a run.
 
     Raises:
-        LogError: Not a run, it never came onto its program, cycles of it are lost, or its setpoints
+        LogError: Not a run, it never came onto its plan, cycles of it are lost, or its setpoints
             are not those of its plan.
     """
     if log.kind is not LogKind.RUN:
@@ -69,14 +69,14 @@ def plan_of(log: Log) -> Trajectory:
 
 
 def program_rows(log: Log, data: RunData) -> IntArray:
-    """Return the rows from the first cycle on the program to the one that came to its end.
+    """Return the rows from the first cycle on the plan to the one that came to its end.
 
     Raises:
         LogError: There are none.
     """
-    on = np.flatnonzero(data.on_program)
+    on = np.flatnonzero(data.on_plan)
     if len(on) == 0:
-        raise LogError(f"{log.path} holds no cycle on its program: there is nothing to replay")
+        raise LogError(f"{log.path} holds no cycle on its plan: there is nothing to replay")
     end = int(on[-1]) + 1
     arrived = end < len(data) and data.path_time[end] > data.path_time[end - 1]
     return np.arange(on[0], end + int(arrived))  # the last step is made in a cycle that then holds
@@ -98,13 +98,13 @@ def _nominal(plan: Trajectory, data: RunData, rows: IntArray, times: FloatArray)
 
 
 def _require_every_cycle(log: Log, cycle: IntArray) -> None:
-    """Refuse a log that has lost cycles of its program; one that the streamer left out is none."""
+    """Refuse a log that has lost cycles of its plan; one that the streamer left out is none."""
     (gaps,) = np.nonzero(np.diff(cycle) > 1)
     if log.left_out and len(gaps):
         first, last = cycle[gaps[0]] + 1, cycle[gaps[0] + 1] - 1
         raise LogError(
             f"{log.path}: {log.left_out} messages have been filtered out or lost, cycles {first} to"
-            f" {last} of the program among them; what was streamed then is not known"
+            f" {last} of the plan among them; what was streamed then is not known"
         )
 
 

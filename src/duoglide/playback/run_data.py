@@ -55,7 +55,7 @@ class RunData:
         return len(self.time)
 
     @property
-    def on_program(self) -> BoolArray:
+    def on_plan(self) -> BoolArray:
         """Where the cycles belong to the trajectory, not to an approach or a rest, shape (n,)."""
         begun = np.logical_or.accumulate(self.phase == Phase.PROGRAM)
         return begun & np.isin(self.phase, (Phase.PROGRAM, Phase.STOP))

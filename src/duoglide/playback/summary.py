@@ -41,7 +41,7 @@ class RunSummary:
         duration: From the first to the last cycle [s].
         period: Median time between two cycles [s].
         skipped: Cycles that were left out because the one before was late.
-        program_time: Path time that was reached [s].
+        path_time: Path time that was reached [s].
         following_error: Worst of each carriage [mm].
         missing: Answers of each drive that did not come.
         lateness: How late the cycles began.
@@ -51,7 +51,7 @@ class RunSummary:
     duration: float
     period: float
     skipped: int
-    program_time: float
+    path_time: float
     following_error: tuple[float, ...]
     missing: tuple[int, ...]
     lateness: Lateness
@@ -116,7 +116,7 @@ def summarise_run(data: RunData) -> RunSummary:
         duration=float(data.time[-1]) if some else 0.0,
         period=float(np.median(np.diff(data.time))) if some else 0.0,
         skipped=int(np.maximum(steps - 1, 0).sum()),
-        program_time=float(data.path_time[data.on_program].max(initial=0.0)),
+        path_time=float(data.path_time[data.on_plan].max(initial=0.0)),
         following_error=tuple(float(np.nanmax(column, initial=0.0)) for column in error.T),
         missing=tuple(int(((data.missing >> axis) & 1).sum()) for axis in range(AXES)),
         lateness=_lateness(data),

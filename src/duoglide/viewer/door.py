@@ -24,7 +24,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 _ORDER = "Duoglide-Order"  # a header that a foreign page cannot send without asking first
-_STOPPERS = 4  # threads; one that waits for a program which is stuck holds up no other Stop
+_STOPPERS = 4  # threads; one that waits for a process which is stuck holds up no other Stop
 _RATE = 200  # messages a second of one page; a hand on a slider and a turning camera make 120
 _BURST = 0.5  # [s] of such messages may come at once
 _SCRIPT = """

@@ -1,4 +1,4 @@
-"""A machine that another program on this computer moves: watched, held and stopped from here."""
+"""A machine that another process on this computer moves: watched, held and stopped from here."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from duoglide.errors import BusError
 from duoglide.machine import Machine
 from duoglide.viewer.share import LONGEST, PATIENCE, meeting_place
 
-_PATIENCE = 5.0  # [s] with a program on a busy computer
+_PATIENCE = 5.0  # [s] with a process on a busy computer
 
 
 def find(pid: int | None = None) -> Path:
-    """Find the socket of the program that shares a machine.
+    """Find the socket of the process that shares a machine.
 
     Args:
         pid: Its process number; None where only one does.
@@ -37,10 +37,10 @@ def find(pid: int | None = None) -> Path:
     if not found:
         runs = "a duoglide stream, replay or demo does while it runs"
         known = f"these do: {numbers}" if numbers else runs
-        who = f"process {pid} shares none" if pid is not None else "no program shares a machine"
+        who = f"process {pid} shares none" if pid is not None else "no process shares a machine"
         raise BusError(f"{who}; {known}")
     if len(found) > 1:
-        raise BusError(f"several programs share a machine; say which: --pid {numbers}")
+        raise BusError(f"several processes share a machine; say which: --pid {numbers}")
     return found[0]
 
 
@@ -70,7 +70,7 @@ class JoinedRun:
 
 
 class JoinedRobot:
-    """A machine that another program moves; as much of a ``Robot`` as others may touch.
+    """A machine that another process moves; as much of a ``Robot`` as others may touch.
 
     Args:
         path: The socket, from ``find``.
@@ -125,7 +125,7 @@ def _ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
     """Send one request and return its answer.
 
     Raises:
-        BusError: The program has ended, or says what is wrong.
+        BusError: The process has ended, or says what is wrong.
     """
     try:
         with socket.socket(socket.AF_UNIX) as end:
@@ -136,7 +136,7 @@ def _ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
                 stream.flush()
                 answer = json.loads(stream.readline(LONGEST))
     except (OSError, ValueError) as error:
-        raise BusError("the program that moves the machine has ended, or is stuck") from error
+        raise BusError("the process that moves the machine has ended, or is stuck") from error
     if "error" in answer:
         raise BusError(str(answer["error"]))
     found: dict[str, Any] = answer
@@ -144,7 +144,7 @@ def _ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _listens(path: Path) -> bool:
-    """Whether somebody answers; what a killed program has left behind is taken away."""
+    """Whether somebody answers; what a killed process has left behind is taken away."""
     with socket.socket(socket.AF_UNIX) as end:
         end.settimeout(PATIENCE)
         try:

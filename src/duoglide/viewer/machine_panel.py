@@ -38,7 +38,7 @@ class MachinePanel:
         server: The viser server.
         machine: The machine.
         drives: Name of the bus to offer; or a robot that somebody else has connected and runs, in
-            this program or in another.
+            this process or in another.
         motion: Where the trajectory to run comes from, what shows where the machine is, and below
             which folder runs are recorded.
         owner: Which page gives the orders.
@@ -134,7 +134,7 @@ class MachinePanel:
     def _command(self, work: Callable[[Any], object]) -> None:
         """Do one thing with the machine, and say how it went."""
         if isinstance(self._robot, JoinedRobot):
-            self._words.content = "**Another program owns the machine.** Stop works all the same."
+            self._words.content = "**Another process owns the machine.** Stop works all the same."
             return
         if not self._one_command.acquire(blocking=False):
             self._words.content = "The machine is busy; Stop works all the same."
@@ -252,7 +252,7 @@ class MachinePanel:
                 self._state.content = f"**{type(error).__name__}.** {error}"
 
     def _follow_override(self, override: float) -> None:
-        """Show the override that another page or program has chosen, not under a moving hand."""
+        """Show the override that another page or process has chosen, not under a moving hand."""
         percent = round(100.0 * override)
         untouched = time.monotonic() - self._touched > _UNTOUCHED
         if untouched and round(self._override.value) != percent:

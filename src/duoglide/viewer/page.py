@@ -10,7 +10,6 @@ import importlib
 import io
 from contextlib import redirect_stdout
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from duoglide.errors import BusError, ConfigError
@@ -38,11 +37,11 @@ class Page:
         machine: The machine to show.
         file: A plan or a run to open with.
         drives: Name of the bus where Connect finds the drives; or a connected robot, of this
-            program or of another one, which the page then shows and can hold and stop, and which
+            process or of another one, which the page then shows and can hold and stop, and which
             stays its owner's to close.
         host: Address to serve on; only this machine by default.
         port: TCP port; 0 takes any that is free.
-        folder: What the page may open and record is below that; None: where the program runs.
+        folder: What the page may open and record is below that; None: where the process runs.
 
     Raises:
         ConfigError: viser is not installed.
@@ -115,12 +114,7 @@ class Page:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _refuse(self, page: int, reason: str) -> None:

@@ -26,15 +26,15 @@ def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
         trajectory: What was meant.
 
     Raises:
-        LogError: The run has no cycle on its program.
+        LogError: The run has no cycle on its plan.
     """
-    moving = np.flatnonzero(data.on_program)
+    moving = np.flatnonzero(data.on_plan)
     if len(moving) == 0:
-        raise LogError("a run without a cycle on its program cannot be drawn")
+        raise LogError("a run without a cycle on its plan cannot be drawn")
     first, last = max(int(moving[0]) - _BEFORE, 0), int(moving[-1]) + _AFTER
     shown, some = slice(first, last), slice(first, last, (last - first) // _MOST + 1)
     times = data.time - data.time[moving[0]]
-    rate = np.where(data.on_program, data.rate, 0.0)[some, None]
+    rate = np.where(data.on_plan, data.rate, 0.0)[some, None]
     velocity = trajectory.at(data.path_time[some]).velocity * rate / 1e3
     limits = trajectory.machine.limits.velocity / 1e3
     measured = data.measured_mm[some]
@@ -51,7 +51,7 @@ def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
         rows[3].axhline(data.machine.carriage_margin, color=LIMIT, linestyle="--", linewidth=1.0)
         rows[3].set_title("Carriage margin [mm] where the carriages were, and what is needed")
         rows[3].set_ylim(bottom=0.0)
-        finish(rows, "time from the start of the program [s]")
+        finish(rows, "time from the start of the plan [s]")
     return figure
 
 

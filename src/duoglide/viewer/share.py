@@ -1,6 +1,6 @@
-"""What lets other programs of the same user on this computer watch a machine, and stop it.
+"""What lets other processes of the same user on this computer watch a machine, and stop it.
 
-A program that moves a machine opens a socket beside its stream; a page of another one joins it.
+A process that moves a machine opens a socket beside its stream; a page of another one joins it.
 Each request is a connection of its own, one line of JSON there and one back, so that a stop waits
 behind nothing. Nothing here is seen by the streamer's process but the orders themselves.
 """
@@ -82,7 +82,7 @@ def meeting_place() -> Path:
     return folder
 
 
-def _answers(robot: Robot) -> Callable[[Any], object]:
+def _answers(robot: Robot) -> Callable[[dict[str, Any]], object]:
     """Return what turns a request into an answer."""
     described = robot.machine.to_dict()
 
@@ -138,7 +138,7 @@ def _status(run: RunHandle) -> dict[str, Any]:
 
 class _Server(socketserver.ThreadingUnixStreamServer):
     daemon_threads = True
-    answer: Callable[[Any], object]
+    answer: Callable[[dict[str, Any]], object]
 
 
 class _Request(socketserver.StreamRequestHandler):

@@ -18,6 +18,7 @@ from duoglide.cli.options import Json, MachineFile, load_machine
 from duoglide.cli.outputs import Force, require_log, require_picture
 from duoglide.cli.powered import under_power
 from duoglide.cli.program import planning
+from duoglide.cli.verbs.plan import plan_numbers
 from duoglide.errors import BusError, DriveError
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ _HELP = """\
 Plan, stream, log and replay a pick-and-place cycle on three simulated drives.
 
 The standard cycle, 25/305/25 mm there and back. Writes plan.mcap, run.mcap and demo.png, or
-plan-2.mcap and so on where these are there already; no hardware, no other program.
+plan-2.mcap and so on where these are there already; no hardware, no other process.
 """
 _EXAMPLE = """\
 Examples:
@@ -203,14 +204,6 @@ def _replay_fact(same: Comparison) -> tuple[str, str]:
 def _numbers(
     trajectory: Trajectory, audit: Audit, report: RunReport, same: Comparison
 ) -> dict[str, object]:
-    return {
-        "duration": trajectory.duration,
-        "use": {
-            "velocity": audit.velocity,
-            "acceleration": audit.acceleration,
-            "jerk": audit.jerk,
-        },
-        "least_clearance": audit.least_clearance,
-        "run": report.to_dict(),
-        "replay": same.to_dict(),
-    }
+    numbers = plan_numbers(trajectory, audit)
+    told = {key: numbers[key] for key in ("duration", "use", "least_clearance")}
+    return {**told, "run": report.to_dict(), "replay": same.to_dict()}

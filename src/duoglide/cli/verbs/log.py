@@ -182,7 +182,7 @@ def _run_facts(run: RunSummary) -> list[tuple[str, str]]:
     period = f", one every {1e3 * run.period:.3f} ms" if run.period else ""
     rows = [
         ("cycles", f"{run.cycles} in {run.duration:.3f} s{period}; {run.skipped} left out"),
-        ("program", f"up to {run.program_time:.4f} s of its path time"),
+        ("plan", f"up to {run.path_time:.4f} s of its path time"),
         ("worst following error", f"{triple(run.following_error, 3)} mm"),
         ("answers missing", ", ".join(map(str, run.missing))),
         ("lateness", f"median {late.median:.0f}, 99 % {late.p99:.0f}, worst {late.worst:.0f} us"),
@@ -239,7 +239,7 @@ def _side_by_side(result: Comparison, one: str, other: str) -> list[tuple[str, s
 def _side(run: RunSide) -> dict[str, str]:
     late = run.lateness
     return {
-        "cycles on the program": f"{run.cycles} in {run.duration:.3f} s",
+        "cycles on the plan": f"{run.cycles} in {run.duration:.3f} s",
         "path time": f"{run.path_time:.4f} of {run.planned:.4f} s",
         "pace": ", ".join(f"{100.0 * pace:g} %" for pace in run.paces) or "never steady",
         "worst following error": f"{triple(run.following_error, 3)} mm",

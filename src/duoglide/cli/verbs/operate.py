@@ -149,7 +149,7 @@ def park(
 
 
 def _move(
-    verb: str, bus: str, machine: Any, move: Callable[[Robot], RunReport], as_json: bool
+    verb: str, bus: str, machine: MachineFile, move: Callable[[Robot], RunReport], as_json: bool
 ) -> None:
     """Bring the machine under power, move it, and say where it is then."""
     with under_power(load_machine(machine), bus, doing="connecting") as robot:

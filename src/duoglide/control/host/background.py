@@ -39,7 +39,7 @@ class Background:
             thread.start()
         except RuntimeError as error:
             raise DuoglideError(
-                f"this computer gives no thread to plan in ({error}): give the program more memory"
+                f"this computer gives no thread to plan in ({error}): give the process more memory"
                 " (ulimit -v) or processes (ulimit -u)"
             ) from error
 

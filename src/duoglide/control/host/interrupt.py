@@ -1,6 +1,6 @@
-"""What ends a program from outside: Ctrl-C, a supervisor's SIGTERM, a terminal that is gone.
+"""What ends a process from outside: Ctrl-C, a supervisor's SIGTERM, a terminal that is gone.
 
-A machine in motion then stops along its path and its log is closed, before the program goes on its
+A machine in motion then stops along its path and its log is closed, before the process goes on its
 way. Signals that come meanwhile wait: they would leave the machine to its watchdogs.
 """
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 Handler: TypeAlias = "Callable[[int, FrameType | None], object]"
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _CLOSELY = 2.0  # [s] between two signals that mean one thing
-_GRACE = 0.8  # [s] that a program gets to begin what it was told by a signal
+_GRACE = 0.8  # [s] that a process gets to begin what it was told by a signal
 
 
 @dataclass(frozen=True, slots=True)
 class EndingHandler:
-    """A handler that stands for the end of the program, not for what a program does of its own."""
+    """A handler that stands for the end of the process, not for what a process does of its own."""
 
     handle: Handler
 
@@ -80,10 +80,10 @@ class EndingWatch:
 
 
 class Ultimatum:
-    """How long a program that was told to end may take until its machine is stopped all the same.
+    """How long a process that was told to end may take until its machine is stopped all the same.
 
     Python's own handler of Ctrl-C may mean less than the end, at a prompt: it is enough that the
-    program gives an order of any kind, or that nothing moves. Otherwise the power has to go off.
+    process gives an order of any kind, or that nothing moves. Otherwise the power has to go off.
     """
 
     def __init__(self) -> None:
@@ -100,7 +100,7 @@ class Ultimatum:
             self._since, self._orders, self._firm = now, orders, firm
 
     def is_over(self, now: float, orders: int, powered: bool) -> bool:
-        """Whether the program has had its time and has not begun to end; says so once."""
+        """Whether the process has had its time and has not begun to end; says so once."""
         if self._since is None or now - self._since < _GRACE:
             return False
         self._since = None
@@ -119,7 +119,7 @@ def _is_main() -> bool:
 def endings_interrupt() -> Iterator[None]:
     """Let SIGTERM and SIGHUP raise KeyboardInterrupt in a block, as Ctrl-C does.
 
-    A program that handles or ignores them itself keeps its way.
+    A process that handles or ignores them itself keeps its way.
     """
     default = (signal.SIG_DFL, signal.default_int_handler)
     with _handled([n for n in ENDINGS if signal.getsignal(n) in default], interrupting()):
@@ -146,7 +146,7 @@ def interrupting(error: type[KeyboardInterrupt] = KeyboardInterrupt) -> Handler:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Let signals that would end the program wait until a block is done.
+    """Let signals that would end the process wait until a block is done.
 
     Where the block is already on the way out of an interrupt, they change nothing.
     """

@@ -168,7 +168,7 @@ class Monitor:
         self._take()
 
     def _insist_on_the_end(self, now: float) -> None:
-        """Stop the machine of a program that was told to end, and is stuck."""
+        """Stop the machine of a process that was told to end, and is stuck."""
         orders = self._process.ring.orders
         entry = self._latest
         powered = entry is not None and entry.power not in (Power.SILENT, Power.OFF)
@@ -179,7 +179,7 @@ class Monitor:
             with suppress(BusError):  # the streamer may have gone, and the drives with it
                 self._process.order(Command.CLOSE)
             print(
-                "duoglide: told to end, this program has not begun to; the machine is stopped along"
+                "duoglide: told to end, this process has not begun to; the machine is stopped along"
                 " its path and switched off",
                 file=sys.stderr,
                 flush=True,

@@ -1,6 +1,6 @@
 """The streamer as a process of its own, seen from the host.
 
-Not ``multiprocessing``: that imports the user's script again in the child, and a first program of
+Not ``multiprocessing``: that imports the user's script again in the child, and a first script of
 ten lines has no ``if __name__`` guard. The child is a fresh interpreter that inherits three
 descriptors: the ring, a socket for orders, and a socket for prepared setpoints.
 """

@@ -2,7 +2,7 @@
 
 A drive that says by itself whether it has found its reference is believed. Of the others the host
 remembers it: over a fault and its reset, over a lost bus, and in a file over the end of the
-program. What says otherwise is a drive that was switched on anew, a fault of an encoder, a position
+process. What says otherwise is a drive that was switched on anew, a fault of an encoder, a position
 that jumps, and at a new connection a place other than the one where the machine was left.
 """
 

@@ -12,7 +12,7 @@ import os
 import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from duoglide.arrays import AXES
 from duoglide.errors import InputError
@@ -122,7 +122,7 @@ def read_memory(path: Path) -> Memory | None:
     return _judged(table, path)
 
 
-def _judged(table: Any, path: Path) -> Memory:
+def _judged(table: object, path: Path) -> Memory:
     """Return the memory that a table holds; InputError says what is wrong with it."""
     if not isinstance(table, dict) or table.get("version") != _VERSION:
         raise InputError(f"{path}: not version {_VERSION} of what is kept there")
@@ -135,7 +135,7 @@ def _judged(table: Any, path: Path) -> Memory:
     return Memory(homed, why, standing, tuple(_judged_drive(drive, path) for drive in drives))
 
 
-def _judged_drive(table: Any, path: Path) -> DriveMemory:
+def _judged_drive(table: object, path: Path) -> DriveMemory:
     if not isinstance(table, dict) or table.keys() != _RANGES.keys():
         raise InputError(f"{path}: a drive must have the keys {', '.join(_RANGES)}")
     for key, (low, high) in _RANGES.items():

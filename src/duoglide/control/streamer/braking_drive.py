@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-_SINCE = (
-    0.8  # cycles since it began, at the end of the cycle in which it did: rather early, for the
-)
-_SPREAD = 0.25  # others are then the farthest ahead; and by how much that is uncertain
+_SINCE = 0.5  # cycles since it began, at the end of the cycle in which it did: anything up to 1
+_SPREAD = 0.29  # standard deviation of that
 _FEEDBACK = 0.05  # [mm] by which a place may be wrong once the carriage has settled ...
 _TRANSIENT = 0.3  # ... and share of what its acceleration costs, before that
 _SETTLING = 4  # cycles that this takes

@@ -1,7 +1,7 @@
 """How late cycles begin on this computer: ``python -m duoglide.control.streamer.lateness S HZ``.
 
 Runs the streamer's own clock with nothing to do, with the priority and the memory that the kernel
-grants, and beside it the loop that a program would have that asks for neither: relative sleeps in
+grants, and beside it the loop that a process would have that asks for neither: relative sleeps in
 an ordinary thread of a process of its own. Prints one JSON object.
 """
 

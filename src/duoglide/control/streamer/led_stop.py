@@ -97,7 +97,7 @@ class LedStop:
         """
         cycle, most = self._prepared.cycle, self._quickest
         step = catch_up(self._goal - self._newest, self._newest - self._before, self._pace, most)
-        way = min(float(step), cycle)
+        way = min(step, cycle)
         self._before, self._newest = self._newest, self._newest + way
         self.over = self.drive.stands and way == 0.0
         return self._newest, way / cycle

@@ -26,9 +26,9 @@ from typing import Any
 from duoglide.drives.simulation import faults
 from duoglide.drives.simulation.faults import Injection
 from duoglide.drives.simulation.plant import PlantParameters
-from duoglide.errors import ConfigError, InputError
+from duoglide.errors import ConfigError
 from duoglide.machine import rules
-from duoglide.machine.toml_read import decoded, read_tables
+from duoglide.machine.toml_read import load_file
 
 _KINDS: dict[str, type[Injection]] = {
     "clear": faults.Clear,
@@ -93,18 +93,7 @@ class Scenario:
         Raises:
             ConfigError: No such file, not TOML, an unknown key, or a broken rule.
         """
-        try:
-            text = decoded(Path(path).read_bytes())
-        except (OSError, ValueError, InputError) as error:  # ValueError: a zero byte in the name
-            raise ConfigError(f"cannot read scenario {path}: {error}") from error
-        try:
-            tables = read_tables(text, str(path))
-        except InputError as error:
-            raise ConfigError(str(error)) from error
-        try:
-            return cls.from_dict(tables)
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from error
+        return load_file(path, "scenario", cls.from_dict)
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any]) -> Scenario:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined
 from duoglide.kinematics.constants import CarriageConstants
 
 Two: TypeAlias = tuple[float, float]
+Four: TypeAlias = tuple[float, float, float, float]
+Arrays: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @inlined
@@ -43,7 +45,7 @@ def find_steepest(fixed: Two, foot: Two, rho: Two) -> float:
 
 
 @inlined
-def slopes(pose: Any, k: CarriageConstants) -> tuple[float, float, float, float]:
+def slopes(pose: Four, k: CarriageConstants) -> Four:
     """Slopes of the platform by B in x and z, and by D.
 
     Args:
@@ -59,7 +61,7 @@ def slopes(pose: Any, k: CarriageConstants) -> tuple[float, float, float, float]
 
 
 @inlined
-def find_farthest(pose: Any, far: Any, k: CarriageConstants) -> tuple[float, float]:
+def find_farthest(pose: Two, far: Two, k: CarriageConstants) -> tuple[float, float]:
     """Bound how far the platform goes, and how far it goes off its slopes; NaN if not at all.
 
     Args:
@@ -84,7 +86,7 @@ def find_farthest(pose: Any, far: Any, k: CarriageConstants) -> tuple[float, flo
 
 
 @compiled
-def swing(patch: Any, position: FloatArray, k: CarriageConstants, out: Any) -> None:
+def swing(patch: Arrays, position: FloatArray, k: CarriageConstants, out: Arrays) -> None:
     """Carry patches of carriages to the platform.
 
     Args:

@@ -12,12 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import atan2, inf, sqrt
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray, read_only
+from duoglide.arrays import FloatArray, IndexArray, read_only
 from duoglide.kinematics.constants import Plane
 from duoglide.kinematics.kernels import case2_point, in_numpy
 from duoglide.kinematics.singularity.nearest_pose import (
@@ -28,8 +26,6 @@ from duoglide.kinematics.singularity.nearest_pose import (
     PieceNumbers,
 )
 from duoglide.machine import Geometry
-
-IndexArray: TypeAlias = NDArray[np.intp]
 
 STEPS_PER_LENGTH = 150.0  # cells of the sampled curve for one strut length
 TURN = 0.1  # [rad], by which the tangent turns at most in one cell

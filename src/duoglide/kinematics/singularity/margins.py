@@ -39,7 +39,7 @@ class Margins:
 
     # Not a dataclass: frozen fields take longer to set than the margins of one pose to compute.
     __slots__ = ("_constants", "_legs", "_measured")
-    _legs: tuple[Any, Any]
+    _legs: tuple[FloatArray, FloatArray]
 
     def __init__(self, measured: Sequence[float] | FloatArray, constants: PoseConstants) -> None:
         """Take ``strut``, ``legs_flat``, ``arm_strut`` and ``arm_flat``, and what they are of."""
@@ -106,7 +106,7 @@ class Margins:
         return f"Margins({', '.join(families)})"
 
 
-def _as_numpy(value: Any) -> FloatArray:
+def _as_numpy(value: float | FloatArray) -> FloatArray:
     """Return numbers and arrays without axes as numpy's own functions do: as a numpy float."""
     number: Any = value[()] if isinstance(value, np.ndarray) else np.float64(value)
     return number  # type: ignore[no-any-return]  # numpy's stubs know no type for both

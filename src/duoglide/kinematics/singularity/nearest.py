@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray
-from duoglide.kinematics.singularity.case2 import Case2Curve, IndexArray, curve_of
+from duoglide.arrays import FloatArray, IndexArray
+from duoglide.kinematics.singularity.case2 import Case2Curve, curve_of
 from duoglide.kinematics.singularity.nearest_pose import SURFACES
 from duoglide.machine import Geometry
 
@@ -39,7 +39,7 @@ class Nearest:
     surface: IndexArray
 
     @property
-    def family(self) -> Any:
+    def family(self) -> NDArray[np.str_]:
         """Names of the families, as in ``Margins``: an array of shape (...), or one name."""
         return np.array(SURFACES)[self.surface]
 
@@ -63,7 +63,13 @@ def nearest_surface(g: Geometry, v: int, position: FloatArray, within: float = i
     return Nearest(distance.reshape(shape), away.reshape(position.shape), surface.reshape(shape))
 
 
-def _in_blocks(g: Geometry, v: int, position: FloatArray, within: float, out: Any) -> None:
+def _in_blocks(
+    g: Geometry,
+    v: int,
+    position: FloatArray,
+    within: float,
+    out: tuple[FloatArray, FloatArray, IndexArray],
+) -> None:
     """Find the nearest surfaces, a block of poses at a time."""
     distance, away, surface = out
     xb = g.platform_half_width - g.rail_half_spacing

@@ -11,7 +11,7 @@ from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.skeleton import LINKS, joints
 from duoglide.machine import Geometry
 
-TOUCHING = 1e-9  # [mm], a link shorter than this is a point of its neighbours
+POINTLIKE = 1e-9  # [mm], a link shorter than this is a point of its neighbours
 
 
 def interference_gap(
@@ -40,7 +40,7 @@ def interference_gap(
 def _list_pairs(g: Geometry) -> list[tuple[str, str]]:
     """Return pairs of links with a length that do not meet in a joint."""
     zero = {"riser": g.riser_height, "arm drop": g.arm_drop, "strut drop": g.strut_drop}
-    shape = [name for name in LINKS if abs(zero.get(name, 1.0)) > TOUCHING]
+    shape = [name for name in LINKS if abs(zero.get(name, 1.0)) > POINTLIKE]
     merged = {"D1": "coupler"}  # D1 lies on the coupler, between C1 and C2
     for name in set(LINKS) - set(shape):
         start, end = LINKS[name]

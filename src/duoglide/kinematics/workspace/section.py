@@ -6,20 +6,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import inf, sqrt
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import BoolArray, FloatArray
+from duoglide.arrays import BoolArray, FloatArray, IndexArray
 from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.kernels import in_numpy, margins_pose
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.workspace.constraints import Constraints
 from duoglide.kinematics.workspace.curves import Curve, CurveKind
 from duoglide.machine import Geometry
-
-IndexArray: TypeAlias = NDArray[np.intp]
 
 SAMPLES = 401  # places along x at which the order of the curves is looked at
 PARTS, ROUNDS = 16, 9  # 2^36 steps in a cell, 16 times finer at a time

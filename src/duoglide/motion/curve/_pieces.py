@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, IndexArray
 
 DERIVATIVES = 4  # position and three derivatives
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
 @lru_cache
-def power_tables(count: int) -> tuple[Any, FloatArray]:
+def power_tables(count: int) -> tuple[IndexArray, FloatArray]:
     """Exponent and factor of u^k in its derivatives 0 to 3, for k below ``count``."""
     k, order = np.arange(count), np.arange(DERIVATIVES)[:, None]
     factors = np.ones((DERIVATIVES, count))

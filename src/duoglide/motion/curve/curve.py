@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from duoglide.arrays import BoolArray, FloatArray, as_floats, read_only
+from duoglide.arrays import BoolArray, FloatArray, IndexArray, as_floats, read_only
 from duoglide.errors import InputError
 from duoglide.kinematics.kernels import in_numpy
 from duoglide.motion.curve._pieces import DERIVATIVES, integrate_length, power_tables, raise_powers
@@ -88,7 +88,7 @@ class Curve:
     def _scalars(self) -> tuple[list[float], list[float], list[float]]:
         return self.breaks.tolist(), self.spans.tolist(), self.rates.tolist()
 
-    def piece_at(self, sigma: FloatArray) -> np.ndarray[Any, np.dtype[np.intp]]:
+    def piece_at(self, sigma: FloatArray) -> IndexArray:
         """Return the index of the piece that holds each sigma; at a break, the later one."""
         return self._inner.searchsorted(sigma, side="right")
 
@@ -98,7 +98,9 @@ class Curve:
         inner: FloatArray = self.breaks[1:-1]
         return inner
 
-    def derivatives(self, sigma: float | FloatArray, piece: Any = None) -> FloatArray:
+    def derivatives(
+        self, sigma: float | FloatArray, piece: IndexArray | int | None = None
+    ) -> FloatArray:
         """Evaluate p, p', p'' and p''' by sigma.
 
         Args:
@@ -122,7 +124,7 @@ class Curve:
         return result
 
     def both_sides(
-        self, before: float | FloatArray, after: float | FloatArray, left: Any
+        self, before: float | FloatArray, after: float | FloatArray, left: IndexArray
     ) -> tuple[FloatArray, FloatArray]:
         """Evaluate position and three derivatives before and after joints of two pieces.
 
@@ -145,7 +147,7 @@ class Curve:
     def _has_arcs(self) -> bool:
         return bool(self.rates.any())
 
-    def _polynomials(self, local: FloatArray, index: Any) -> FloatArray:
+    def _polynomials(self, local: FloatArray, index: IndexArray) -> FloatArray:
         """Evaluate polynomials and three derivatives as one product of small matrices."""
         inverse = 1.0 / self.spans[index]
         c = self.coefficients[index]
@@ -155,7 +157,7 @@ class Curve:
         result *= raise_powers(inverse, DERIVATIVES)[..., None]
         return result
 
-    def _arcs(self, local: FloatArray, index: Any) -> FloatArray:
+    def _arcs(self, local: FloatArray, index: IndexArray) -> FloatArray:
         """Evaluate arcs and three derivatives."""
         c = self.coefficients[index].swapaxes(0, 1)
         span, rate = self.spans[index][:, None], self.rates[index][:, None]
@@ -204,7 +206,7 @@ class Curve:
             unit &= (self.rates == 0.0) | (aside <= _LENGTH_ERROR)
         return unit
 
-    def _quadrature(self, local: FloatArray, index: Any) -> FloatArray:
+    def _quadrature(self, local: FloatArray, index: IndexArray) -> FloatArray:
         """Integrate |p'| over the first ``local`` mm of sigma of pieces."""
         span, rate, rows = self.spans[index], self.rates[index], self.coefficients[index]
         panels, going = 2, np.arange(local.size)

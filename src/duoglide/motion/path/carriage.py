@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, IndexArray
 from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.derivatives import carriage_jets
 from duoglide.kinematics.model import inverse_derivatives
@@ -64,7 +63,9 @@ class CarriagePath:
     def _constants(self) -> PoseConstants:
         return pose_constants(self.checked.machine.geometry, WORKING)
 
-    def derivatives(self, sigma: float | FloatArray, piece: Any = None) -> FloatArray:
+    def derivatives(
+        self, sigma: float | FloatArray, piece: IndexArray | int | None = None
+    ) -> FloatArray:
         """Evaluate the carriages and three derivatives by sigma, through the closed form.
 
         Args:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from duoglide.arrays import FloatArray, as_floats, as_number, read_only
+from duoglide.arrays import FloatArray, IndexArray, as_floats, as_number, read_only
 from duoglide.errors import InputError
 from duoglide.kinematics.carriage_margin import least_margin
 from duoglide.kinematics.model import forward
@@ -85,7 +85,7 @@ class TransferPath:
         )
         return least
 
-    def derivatives(self, sigma: ArrayLike, piece: NDArray[np.intp] | None = None) -> FloatArray:
+    def derivatives(self, sigma: ArrayLike, piece: IndexArray | None = None) -> FloatArray:
         """Return the carriages and their first three derivatives by sigma, the time.
 
         Args:

@@ -10,7 +10,7 @@ distances h and 2 h with h = shape * min(before, after), and its span is 5 h.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -134,7 +134,7 @@ def find_nearest(coefficients: FloatArray, point: FloatArray) -> tuple[FloatArra
 Corner: TypeAlias = float | Blend  # a corner tolerance [mm], or how to round
 
 
-def as_corner(corner: Any) -> Corner:
+def as_corner(corner: object) -> Corner:
     """Return a corner's tolerance or blend.
 
     Raises:

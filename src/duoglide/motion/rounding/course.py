@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, TypeAlias
 
 import numpy as np
 
-from duoglide.arrays import BoolArray, FloatArray
+from duoglide.arrays import BoolArray, FloatArray, IndexArray
 from duoglide.motion.path.segments import COINCIDENT, Line, Point, Segment
 from duoglide.motion.rounding.blend import Blend, Corner
 from duoglide.motion.rounding.fit import Fit, fit_points
@@ -29,8 +28,6 @@ _ASIDE_SHARE = 0.01  # nor farther than this share of their tolerance
 _NEAR = 0.25  # of the tolerance; waypoints that lie within it, and apart from others, are one
 _LEAD_IN = 50.0  # tolerances; on so much of a longer line a fitted curve begins or ends at most,
 _SHARE = 0.45  # and on no more than this share of it
-
-IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

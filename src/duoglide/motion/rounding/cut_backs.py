@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import BoolArray, FloatArray
+from duoglide.arrays import BoolArray, FloatArray, IndexArray
 from duoglide.motion.curve.curve import Curve
 from duoglide.motion.rounding.blend import find_nearest, join_quintics
 
@@ -16,8 +14,6 @@ UNEVEN = 3.0  # the longer cut-back over the shorter, at most
 WIDEST = 0.5  # [rad] of an arc that a blend may take
 EXACT = 1e-9  # relative, to which the tolerance is used, from below
 _ROUNDS = 80
-
-IndexArray: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

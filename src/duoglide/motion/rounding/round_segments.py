@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,8 +22,6 @@ SHORTEST = 1e-4  # [mm]; to slow down for a shorter blend takes as long as to re
 ROUNDED_OFF = 1e-6  # [mm] by which explicit blends may overlap: they are shortened
 _APPROACHES = 12  # steps towards the place nearest to a waypoint that is no joint
 VANISHED = 1e-10  # [mm]; what two blends leave of a segment below this is nothing
-
-IndexArray: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

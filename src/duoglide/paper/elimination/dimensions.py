@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from duoglide.errors import ConfigError
 from duoglide.machine import Geometry
+
+Expression: TypeAlias = Any  # of sympy, whose types a checker cannot read
 
 
 def require_sympy() -> Any:
@@ -29,16 +31,16 @@ def require_sympy() -> Any:
 class Dimensions:
     """The dimensions that enter the loops, as sympy expressions, under the paper's symbols."""
 
-    b: Any
-    d: Any
-    l1: Any
-    l2: Any
-    l3: Any
-    l4: Any
-    l6: Any
-    l7: Any
-    l8: Any
-    l9: Any
+    b: Expression
+    d: Expression
+    l1: Expression
+    l2: Expression
+    l3: Expression
+    l4: Expression
+    l6: Expression
+    l7: Expression
+    l8: Expression
+    l9: Expression
 
     @classmethod
     def symbols(cls) -> Dimensions:
@@ -77,11 +79,11 @@ class Dimensions:
         return bool(getattr(self.b, "is_Symbol", False))
 
     @property
-    def half_offset(self) -> Any:
+    def half_offset(self) -> Expression:
         """K = b - d: x of the platform where the arm stands upright."""
         return self.b - self.d
 
     @property
-    def lift(self) -> Any:
+    def lift(self) -> Expression:
         """E = l4 + l7 - l8: what F3 of Eq. 11 has beside the rise of the legs."""
         return self.l4 + self.l7 - self.l8

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
-from duoglide.paper.elimination.dimensions import require_sympy
+from duoglide.paper.elimination.dimensions import Expression, require_sympy
 from duoglide.paper.elimination.loops import LoopEquations
 
 
@@ -32,8 +31,8 @@ class Determinants:
             sign v, are not determined by the platform.
     """
 
-    parallel: tuple[Any, ...]
-    serial: tuple[Any, ...]
+    parallel: tuple[Expression, ...]
+    serial: tuple[Expression, ...]
 
 
 def singularities(loops: LoopEquations) -> Determinants:
@@ -50,7 +49,7 @@ def singularities(loops: LoopEquations) -> Determinants:
     variables = {*loops.position, *loops.carriages, *angle}
     system = sympy.Matrix(loops.equations)
 
-    def factors(unknowns: tuple[Any, ...]) -> tuple[Any, ...]:
+    def factors(unknowns: tuple[Expression, ...]) -> tuple[Expression, ...]:
         determinant = system.jacobian(unknowns).det(method="berkowitz")
         found = (factor for factor, _ in sympy.factor_list(determinant)[1])
         return tuple(factor for factor in found if factor.free_symbols & variables)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from duoglide.paper.elimination.dimensions import Dimensions, require_sympy
+from duoglide.paper.elimination.dimensions import Dimensions, Expression, require_sympy
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +22,11 @@ class LoopEquations:
     """
 
     dimensions: Dimensions
-    position: tuple[Any, Any, Any]
-    carriages: tuple[Any, Any, Any]
-    cosine: Any
-    sine: Any
-    equations: tuple[Any, Any, Any, Any, Any]
+    position: tuple[Expression, Expression, Expression]
+    carriages: tuple[Expression, Expression, Expression]
+    cosine: Expression
+    sine: Expression
+    equations: tuple[Expression, Expression, Expression, Expression, Expression]
 
 
 def loop_equations(dimensions: Dimensions) -> LoopEquations:
@@ -55,7 +54,7 @@ def loop_equations(dimensions: Dimensions) -> LoopEquations:
         (C3, B3, g.l9),
     )
 
-    def across(entry: Any) -> Any:
+    def across(entry: Expression) -> Expression:
         """Drop what the arm's own equation says is zero: x of C1 and C2 is b."""
         return 0 if sympy.expand(entry - in_plane) == 0 else entry
 

@@ -8,20 +8,25 @@ resultant has a closed form.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeAlias
+
+Polynomial: TypeAlias = Any  # an element of a ring of sympy, or one of its generators
+Ring: TypeAlias = Any
 
 
-def coefficients(polynomial: Any, variable: Any) -> list[Any]:
+def coefficients(polynomial: Polynomial, variable: Polynomial) -> list[Polynomial]:
     """Return the coefficients of the powers of a generator, from the zeroth."""
     ring = polynomial.ring
     index = ring.gens.index(variable)
-    found: list[dict[tuple[int, ...], Any]] = [{} for _ in range(polynomial.degree(variable) + 1)]
+    found: list[dict[tuple[int, ...], Polynomial]] = [
+        {} for _ in range(polynomial.degree(variable) + 1)
+    ]
     for exponents, number in polynomial.terms():
         found[exponents[index]][(*exponents[:index], 0, *exponents[index + 1 :])] = number
     return [ring.from_dict(entry) for entry in found]
 
 
-def resultant(pivot: Any, other: Any, variable: Any) -> Any:
+def resultant(pivot: Polynomial, other: Polynomial, variable: Polynomial) -> Polynomial:
     """Eliminate a generator from two polynomials.
 
     Args:
@@ -43,7 +48,7 @@ def resultant(pivot: Any, other: Any, variable: Any) -> Any:
     raise ArithmeticError(f"no pivot of degree one or two in {variable}")
 
 
-def _with_quadratic(pivot: list[Any], other: list[Any], ring: Any) -> Any:
+def _with_quadratic(pivot: list[Polynomial], other: list[Polynomial], ring: Ring) -> Polynomial:
     """Multiply the values of a polynomial at both roots of a v^2 + b v + c.
 
     At a root a^(i-1) v^i = A v + C, so that a^(n-1) times the polynomial is U v + V, and the
@@ -61,7 +66,7 @@ def _with_quadratic(pivot: list[Any], other: list[Any], ring: Any) -> Any:
     return (a * V * V - b * U * V + c * U * U).exquo(power(a, n - 1))
 
 
-def on_circle(polynomial: Any, cosine: Any, sine: Any) -> Any:
+def on_circle(polynomial: Polynomial, cosine: Polynomial, sine: Polynomial) -> Polynomial:
     """Replace the squares of the cosine by 1 - sin^2."""
     ring = polynomial.ring
     rest = ring.one - sine * sine
@@ -70,7 +75,7 @@ def on_circle(polynomial: Any, cosine: Any, sine: Any) -> Any:
     return sum((entry * cosine if odd else entry for entry, odd in powers), ring.zero)
 
 
-def factors_with(polynomial: Any, variables: Iterable[Any]) -> list[Any]:
+def factors_with(polynomial: Polynomial, variables: Iterable[Polynomial]) -> list[Polynomial]:
     """Return the irreducible factors in which one of the generators occurs, each once."""
     wanted = tuple(variables)
     if polynomial == 0:
@@ -78,11 +83,11 @@ def factors_with(polynomial: Any, variables: Iterable[Any]) -> list[Any]:
     return [f for f, _ in polynomial.factor_list()[1] if holds(f, wanted)]
 
 
-def holds(polynomial: Any, variables: Iterable[Any]) -> bool:
+def holds(polynomial: Polynomial, variables: Iterable[Polynomial]) -> bool:
     """Whether one of the generators occurs."""
     return any(polynomial.degree(variable) > 0 for variable in variables)
 
 
-def power(polynomial: Any, exponent: int) -> Any:
+def power(polynomial: Polynomial, exponent: int) -> Polynomial:
     """Return a power; 0 to the power of 0 is 1, which sympy's rings refuse."""
     return polynomial**exponent if exponent else polynomial.ring.one

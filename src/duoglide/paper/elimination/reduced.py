@@ -11,9 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
-from duoglide.paper.elimination.dimensions import Dimensions, require_sympy
+from duoglide.paper.elimination.dimensions import Dimensions, Expression, require_sympy
 from duoglide.paper.elimination.families import Family
 from duoglide.paper.elimination.loops import LoopEquations
 
@@ -22,16 +21,16 @@ from duoglide.paper.elimination.loops import LoopEquations
 class Reduced:
     """Variables of the reduced system: h is the rise of the legs, c and s belong to beta."""
 
-    X: Any
-    Z: Any
-    B: Any
-    W: Any
-    y: Any
-    c: Any
-    s: Any
-    h: Any
-    H: Any
-    Q: Any
+    X: Expression
+    Z: Expression
+    B: Expression
+    W: Expression
+    y: Expression
+    c: Expression
+    s: Expression
+    h: Expression
+    H: Expression
+    Q: Expression
 
     @classmethod
     def symbols(cls) -> Reduced:
@@ -39,17 +38,19 @@ class Reduced:
         return cls(*require_sympy().symbols("X Z B W y cos_beta sin_beta h H Q"))
 
     @property
-    def all(self) -> tuple[Any, ...]:
+    def all(self) -> tuple[Expression, ...]:
         """Every variable."""
         return tuple(getattr(self, name) for name in Reduced.__slots__)
 
-    def squares(self, g: Dimensions) -> tuple[Any, Any]:
+    def squares(self, g: Dimensions) -> tuple[Expression, Expression]:
         """Return what H and Q stand for."""
         return g.l2**2 - self.B**2 / 4, g.l9**2 - self.W**2 / 4
 
 
 @lru_cache(maxsize=8)
-def reduced_system(loops: LoopEquations, v: Reduced, k: Any, e: Any) -> tuple[Any, ...]:
+def reduced_system(
+    loops: LoopEquations, v: Reduced, k: Expression, e: Expression
+) -> tuple[Expression, ...]:
     """Rewrite the loop equations in the reduced variables, without H and Q.
 
     Args:
@@ -87,7 +88,9 @@ def reduced_system(loops: LoopEquations, v: Reduced, k: Any, e: Any) -> tuple[An
     return plane, circle, rise - v.h, leg, sympy.expand(leg1 - leg2), strut
 
 
-def with_squares(equations: tuple[Any, ...], v: Reduced, g: Dimensions) -> tuple[Any, ...]:
+def with_squares(
+    equations: tuple[Expression, ...], v: Reduced, g: Dimensions
+) -> tuple[Expression, ...]:
     """Bring H and Q into the reduced system; what each stands for is added, less its symbol."""
     *others, leg, difference, strut = equations
     H, Q = v.squares(g)
@@ -95,7 +98,7 @@ def with_squares(equations: tuple[Any, ...], v: Reduced, g: Dimensions) -> tuple
     return *others, expand(leg + H - v.H), difference, expand(strut + Q - v.Q)
 
 
-def conditions(v: Reduced) -> dict[Family, Any]:
+def conditions(v: Reduced) -> dict[Family, Expression]:
     """Return each family's condition in the reduced variables."""
     return {
         Family.LEGS_VERTICAL: v.y + v.B / 2,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial, reduce
 from operator import mul
-from typing import Any
 
 from duoglide.paper.elimination.polynomials import (
+    Polynomial,
     coefficients,
     factors_with,
     holds,
@@ -28,14 +28,14 @@ class System:
         sine: The generator sin(beta).
     """
 
-    polynomials: tuple[Any, ...]
-    order: tuple[Any, ...]
-    kept: tuple[Any, ...]
-    cosine: Any
-    sine: Any
+    polynomials: tuple[Polynomial, ...]
+    order: tuple[Polynomial, ...]
+    kept: tuple[Polynomial, ...]
+    cosine: Polynomial
+    sine: Polynomial
 
 
-def eliminate(system: System) -> tuple[Any, ...]:
+def eliminate(system: System) -> tuple[Polynomial, ...]:
     """Eliminate one generator after the other.
 
     For each the polynomial of least degree in it is the pivot, one with a constant first
@@ -65,7 +65,7 @@ def eliminate(system: System) -> tuple[Any, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _as_pivot(polynomial: Any, variable: Any) -> tuple[int, bool, int]:
+def _as_pivot(polynomial: Polynomial, variable: Polynomial) -> tuple[int, bool, int]:
     """Return what puts the best pivots first."""
     first = coefficients(polynomial, variable)[-1]
     return polynomial.degree(variable), not first.is_ground, len(polynomial)

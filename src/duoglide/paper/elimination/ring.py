@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from math import prod
-from typing import Any
 
-from duoglide.paper.elimination.dimensions import require_sympy
+from duoglide.paper.elimination.dimensions import Expression, require_sympy
 from duoglide.paper.elimination.families import Family
 from duoglide.paper.elimination.loops import LoopEquations
-from duoglide.paper.elimination.polynomials import factors_with, holds
+from duoglide.paper.elimination.polynomials import Polynomial, Ring, factors_with, holds
 from duoglide.paper.elimination.reduced import (
     Reduced,
     conditions,
@@ -49,8 +48,8 @@ class Reduction:
     loops: LoopEquations
     space: Space
     variables: Reduced
-    offsets: tuple[Any, Any]
-    ring: Any
+    offsets: tuple[Expression, Expression]
+    ring: Ring
 
     @classmethod
     def of(cls, loops: LoopEquations, space: Space) -> Reduction:
@@ -77,8 +76,8 @@ class Reduction:
         """Return the equations of a family's surface."""
         g, v = self.loops.dimensions, self.variables
         equations = reduced_system(self.loops, v, *self.offsets)
-        order: tuple[Any, ...] = (v.W, v.B, v.y, v.h, v.c, v.s)
-        kept: tuple[Any, ...] = (v.X, v.Z)
+        order: tuple[Expression, ...] = (v.W, v.B, v.y, v.h, v.c, v.s)
+        kept: tuple[Expression, ...] = (v.X, v.Z)
         if self.space is Space.CARRIAGES:
             equations = with_squares(equations, v, g)
             order, kept = (v.y, v.X, v.Z, v.c, v.s, v.h), (v.B, v.W, v.H, v.Q)
@@ -94,7 +93,7 @@ class Reduction:
             sine=self.ring(v.s),
         )
 
-    def irreducible(self, factor: Any) -> list[Any]:
+    def irreducible(self, factor: Polynomial) -> list[Polynomial]:
         """Split a factor that is irreducible in H and Q, where it is not in B and W.
 
         What stays in one piece with some numbers for the dimensions, its degree kept, cannot come
@@ -116,7 +115,7 @@ class Reduction:
                 return [factor]
         return factors_with(whole, (B, W))
 
-    def expression(self, factor: Any) -> Any:
+    def expression(self, factor: Polynomial) -> Expression:
         """Return a factor in the paper's variables, expanded where the dimensions are numbers."""
         sympy = require_sympy()
         g, v = self.loops.dimensions, self.variables
@@ -139,19 +138,19 @@ class Reduction:
         variables = [symbol for symbol in (x, z, yA1, yA2, yA3) if symbol in result.free_symbols]
         return sympy.Poly(result, *variables).primitive()[1].as_expr()
 
-    def degree(self, factor: Any) -> int:
+    def degree(self, factor: Polynomial) -> int:
         """Return the total degree in x and z, or in the carriages."""
         v = self.variables
         degrees = {v.X: 1, v.Z: 1, v.B: 1, v.W: 1, v.H: 2, v.Q: 2}
         each = [degrees.get(symbol, 0) for symbol in self.ring.symbols]
         return max(_dot(exponents, each) for exponents in factor.itermonoms())
 
-    def names(self, factor: Any) -> set[str]:
+    def names(self, factor: Polynomial) -> set[str]:
         """Return the names of the reduced variables that occur in a factor."""
         v = self.variables
         return {s.name for s in v.all if factor.degree(self.ring(s)) > 0}
 
-    def terms(self, factor: Any, point: dict[str, complex], shape: Shape) -> list[complex]:
+    def terms(self, factor: Polynomial, point: dict[str, complex], shape: Shape) -> list[complex]:
         """Evaluate the terms of a factor at a point (X, Z, B, W)."""
         values = dict(point)
         values |= {"k": shape.k, "e": shape.e, "l2": shape.l2, "l6": shape.l6, "l9": shape.l9}
@@ -164,10 +163,10 @@ class Reduction:
             for exponents, number in whole.terms()
         ]
 
-    def _generators(self, symbols: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _generators(self, symbols: tuple[Expression, ...]) -> tuple[Polynomial, ...]:
         return tuple(self.ring(symbol) for symbol in symbols)
 
-    def _homogeneous(self, factor: Any) -> Any:
+    def _homogeneous(self, factor: Polynomial) -> Polynomial:
         """Put back the arm's length, which is the last generator; make the numbers whole."""
         v = self.variables
         lengths = {v.c: 0, v.s: 0, v.H: 2, v.Q: 2}

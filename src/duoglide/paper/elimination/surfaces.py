@@ -6,11 +6,10 @@ from cmath import sqrt
 from dataclasses import dataclass
 from functools import reduce
 from operator import mul
-from typing import Any
 
 from duoglide.arrays import FloatArray
 from duoglide.machine import Geometry
-from duoglide.paper.elimination.dimensions import Dimensions, require_sympy
+from duoglide.paper.elimination.dimensions import Dimensions, Expression, require_sympy
 from duoglide.paper.elimination.families import Family
 from duoglide.paper.elimination.loops import LoopEquations, loop_equations
 from duoglide.paper.elimination.resultants import eliminate
@@ -29,7 +28,7 @@ class SpuriousFactor:
         meaning: Where it comes from.
     """
 
-    polynomial: Any
+    polynomial: Expression
     meaning: str
 
 
@@ -48,13 +47,13 @@ class Surface:
 
     family: Family
     space: Space
-    variables: tuple[Any, ...]
-    factors: tuple[Any, ...]
+    variables: tuple[Expression, ...]
+    factors: tuple[Expression, ...]
     degrees: tuple[int, ...]
     spurious: tuple[SpuriousFactor, ...]
 
     @property
-    def polynomial(self) -> Any:
+    def polynomial(self) -> Expression:
         """Product of the factors; 0 where the family fills the whole space."""
         sympy = require_sympy()
         return reduce(mul, self.factors) if self.factors else sympy.Integer(0)
@@ -109,7 +108,7 @@ def surface(loops: LoopEquations, family: Family, space: Space) -> Surface:
     )
 
 
-def _belongs(factor: Any, family: Family, reduction: Reduction) -> bool:
+def _belongs(factor: Expression, family: Family, reduction: Reduction) -> bool:
     """Whether a factor vanishes on some component of the family's surface."""
     shape = _shape(reduction)
     points = family_points(family, shape)
@@ -125,7 +124,7 @@ def _shape(reduction: Reduction) -> Shape:
     return Shape(*(TYPICAL if reduction.symbolic else reduction.lengths))
 
 
-def _meaning(factor: Any, reduction: Reduction) -> str:
+def _meaning(factor: Expression, reduction: Reduction) -> str:
     """Say where a spurious factor comes from."""
     names = reduction.names(factor)
     if names == {"B"} and reduction.degree(factor) == 1:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import BoolArray, FloatArray
+from duoglide.arrays import BoolArray, FloatArray, IndexArray
 from duoglide.machine import Machine
 from duoglide.planning.braking.carriage_bounds import CarriageBounds
 from duoglide.planning.braking.kernel import PARTS, spread
-
-IndexArray: TypeAlias = NDArray[np.intp]
 
 
 class _Cells(NamedTuple):

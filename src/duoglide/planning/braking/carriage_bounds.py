@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, share
-from duoglide.kinematics.constants import pose_constants
+from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.derivatives import root_bounds
 from duoglide.kinematics.headroom.nearby import with_pairs
 from duoglide.kinematics.modes import WORKING
@@ -120,7 +120,13 @@ def _largest_over(breaks: FloatArray, rates: Rates, start: FloatArray, end: Floa
 
 
 @compiled
-def through_links(position: FloatArray, rates: Any, half: FloatArray, k: Any, out: Any) -> None:
+def through_links(
+    position: FloatArray,
+    rates: Rates,
+    half: FloatArray,
+    k: PoseConstants,
+    out: tuple[FloatArray, FloatArray],
+) -> None:
     """Carry bounds on the platform's derivatives through the closed form.
 
     Args:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, IndexArray
 from duoglide.kinematics.headroom.nearby import Patch, room_on
-from duoglide.planning.braking.blocks import Blocks, IndexArray
+from duoglide.planning.braking.blocks import Blocks
 from duoglide.planning.tolerances import PICOMETRE
 
 _CUTS = 9  # of a box into halves, at most: three of each side

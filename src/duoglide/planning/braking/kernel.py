@@ -15,10 +15,10 @@ nodes of T is bounded by ``slack``.
 from __future__ import annotations
 
 from math import ceil, inf
-from typing import Any
 
 import numpy as np
 
+from duoglide.arrays import FloatArray, IndexArray
 from duoglide.kinematics.compiled import compiled, inlined
 
 PARTS = 8  # nodes of a block, without those after it
@@ -33,7 +33,7 @@ def way(v: float, d: float, t: float) -> float:
 
 
 @inlined
-def slack(v: float, most_a: float, step: float, d: Any, coast: float) -> float:
+def slack(v: float, most_a: float, step: float, d: FloatArray, coast: float) -> float:
     """Bound how far X leaves the interval between its values at nodes, in T and in t.
 
     Args:
@@ -54,7 +54,11 @@ def slack(v: float, most_a: float, step: float, d: Any, coast: float) -> float:
 
 @compiled
 def spread(  # noqa: PLR0912, PLR0915 - one loop: numba compiles every function that is called
-    blocks: Any, plan: Any, drives: Any, columns: Any, out: Any
+    blocks: tuple[IndexArray, FloatArray, IndexArray],
+    plan: tuple[FloatArray, FloatArray, FloatArray],
+    drives: tuple[float, float, FloatArray],
+    columns: tuple[float, float],
+    out: tuple[FloatArray, ...],
 ) -> None:
     """Find which part of the plane of D and S the carriages may reach, and the rails' room.
 

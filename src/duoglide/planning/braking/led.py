@@ -9,29 +9,22 @@ millimetre of its carriage moves the platform across the path.
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
-from duoglide.arrays import AXES, BoolArray, FloatArray
+from duoglide.arrays import AXES, FloatArray
 from duoglide.kinematics.carriage_margin import carriage_margin
 from duoglide.kinematics.model import jacobian
-from duoglide.motion.led_stops import LEAST_STEP, PROMISED, LedStops, catch_up
+from duoglide.motion.led_stops import PROMISED, LedStops
 from duoglide.motion.motion import Motion
+from duoglide.planning.braking.led_kernel import CATCH_UP, MOST_OFF, PARTS, follow
 
-REACTION = 2  # cycles from a fault to the others' first setpoint, if a message tells it at once
-CATCH_UP = 2.0  # times the stop limits: what a fault may ask of the others, for some cycles
-_ALLOWED = 3.0  # [mm] off the path, above which braking apart is as good
-_RESERVE = 0.2  # [mm] of what is promised, for servo loops that are asked for so much
-_TURN = 0.5  # [mm] that the drive stays away from where its plan turns it round: no path beyond
-_FEWEST = 2.0  # cycles that the drive takes to come to rest; others cannot follow a jolt
-_PARTS = 2  # samples in a cycle
-_CHUNK = 2000  # cycles that are tried together
-_EXTRA = 12  # cycles to catch up in, after the drive has come to rest
-_FASTEST = 0.95  # path time per time that following may ask for; behind a drive that brakes no
-# harder than the plan nothing can be made up for, as path time is never faster than planned
-_ROUNDING = 1.1  # by which second differences of samples may be above a limit
+# The streamer does not know when in its cycle a drive began to brake. It takes it that this was so
+# many cycles before the cycle's end, and predicts where the drive is from so many cycles before.
+_SINCE, _AHEAD = 0.5, 2.0
+_FEEDBACK = 0.05  # [mm] by which feedback is off anyway
+_TRANSIENT = 0.3  # share of what its acceleration costs a carriage, by which feedback may be off
 
 
 def led_stops(motion: Motion) -> LedStops:
@@ -41,16 +34,19 @@ def led_stops(motion: Motion) -> LedStops:
     limits = CATCH_UP * machine.stop_limits.acceleration
     decelerations = machine.drives.quick_stop_deceleration
     off_by = machine.drives.quick_stop_tolerance
-    allowed = promised = np.zeros(len(samples.carriages[::_PARTS]), dtype=np.uint8)
+    costs = _TRANSIENT * np.asarray(machine.drives.acceleration_lag)
+    allowed = promised = np.zeros(len(samples.carriages[::PARTS]), dtype=np.uint8)
     for index, deceleration in enumerate(decelerations):
-        off = np.maximum(
-            *(
-                _Trial(samples, index, deceleration * share, limits).run()
+        off = np.max(
+            [
+                samples.follow(index, deceleration * share, limits, costs[index], late)
                 for share in (1.0 - off_by, 1.0 + off_by)
-            )
+                for late in (0.0, 1.0)  # it begins to brake at the beginning of its cycle, or end
+            ],
+            axis=0,
         )
-        allowed = allowed | np.asarray((off <= _ALLOWED) << index, dtype=np.uint8)
-        promised = promised | np.asarray((off <= PROMISED - _RESERVE) << index, dtype=np.uint8)
+        allowed = allowed | np.asarray((off <= MOST_OFF) << index, dtype=np.uint8)
+        promised = promised | np.asarray((off <= PROMISED) << index, dtype=np.uint8)
     first, second, third = limits.tolist()
     return LedStops(
         decelerations=decelerations,
@@ -66,7 +62,7 @@ class _Samples:
     """A motion on an even grid of path time, and two cycles after its end.
 
     Attributes:
-        cycle: Of the drives; there are ``_PARTS`` samples in it [s].
+        cycle: Of the drives; there are ``PARTS`` samples in it [s].
         times: Of the samples [s], (n,).
         carriages: [mm], (n, 3).
         steps: How far each carriage goes in a cycle [mm], (n, 3).
@@ -87,8 +83,8 @@ class _Samples:
         """Sample a motion."""
         machine = motion.machine
         cycle = machine.drives.cycle
-        count = (int(np.ceil(motion.duration / cycle)) + 2) * _PARTS
-        times = np.linspace(0.0, count * cycle / _PARTS, count + 1)
+        count = (int(np.ceil(motion.duration / cycle)) + 2) * PARTS
+        times = np.linspace(0.0, count * cycle / PARTS, count + 1)
         state = motion.at(np.minimum(times, motion.duration))
         place = motion.position_at(np.minimum(times, motion.duration))
         moves = np.linalg.inv(jacobian(machine.geometry, place)).astype(np.float64)
@@ -101,13 +97,46 @@ class _Samples:
             margin=carriage_margin(machine.geometry, place),
         )
 
-    def between(self, table: FloatArray, u: FloatArray) -> FloatArray:
-        """Interpolate rows of a table (n, ...) at path times [s]."""
-        place = np.clip(u / self.cycle * _PARTS, 0.0, len(table) - 1.000001)
-        low = place.astype(np.intp)
-        share = (place - low).reshape(place.shape + (1,) * (table.ndim - 1))
-        result: FloatArray = table[low] * (1.0 - share) + table[low + 1] * share
-        return result
+    def follow(
+        self, index: int, deceleration: float, limits: FloatArray, cost: float, late: float
+    ) -> FloatArray:
+        """Let a drive brake in each cycle, and the others follow it.
+
+        Its carriage's place is told by the way that it has gone since the start of the plan, which
+        never falls; it may not go on past where the plan turns it round.
+
+        Args:
+            index: Of the drive.
+            deceleration: What it brakes with [mm/s^2].
+            limits: What each carriage may be asked for [mm/s^2], (3,).
+            cost: What braking hides of its place from its feedback, per mm/s^2 [s^2].
+            late: How long it goes straight on before it brakes [cycles].
+
+        Returns:
+            How far off its path the platform gets for each cycle [mm], (n,); inf where the others
+            cannot follow, or where links might part.
+        """
+        places = self.carriages[:, index]
+        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
+        turns = np.flatnonzero(np.diff(np.sign(self.steps[:, index])))
+        ends = np.append(way[turns], way[-1])
+        end = ends[np.searchsorted(turns, np.arange(len(places)))][::PARTS]
+        others = [j for j in range(AXES) if j != index]
+        table = np.column_stack(
+            [
+                way,
+                self.carriages[:, others],
+                np.abs(self.steps[:, [index, *others]]),
+                self.across[:, index],
+                self.margin,
+            ]
+        )
+        off = np.empty(len(end))
+        first, second = (limits[others] * self.cycle**2).tolist()
+        braking = deceleration * self.cycle**2
+        unsure = _SINCE * (_AHEAD + 0.5 * _SINCE) * braking + cost * deceleration + _FEEDBACK
+        follow(table, end, (braking, unsure, late), (first, second), off)
+        return off
 
 
 def _across(moves: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -117,100 +146,3 @@ def _across(moves: FloatArray, velocity: FloatArray) -> FloatArray:
     with_path = np.einsum("ni,nij->nj", unit, moves)
     sizes: FloatArray = np.linalg.norm(moves - unit[:, :, None] * with_path[:, None], axis=1)
     return sizes
-
-
-class _Trial:
-    """One drive that leaves the plan at the beginning of each of its cycles, all at once.
-
-    Its carriage's place is told by the way that it has gone since the start of the plan, which
-    never falls; it may not go on past where the plan turns it round.
-
-    Args:
-        samples: The motion.
-        index: Of the drive.
-        deceleration: What it brakes with [mm/s^2].
-        limits: What each carriage may be asked for [mm/s^2], (3,).
-    """
-
-    def __init__(
-        self, samples: _Samples, index: int, deceleration: float, limits: FloatArray
-    ) -> None:
-        self._samples, self._index = samples, index
-        self._others = [j for j in range(AXES) if j != index]
-        self._limits = limits[self._others] * samples.cycle**2  # [mm/cycle^2]
-        self._d = deceleration * samples.cycle**2
-        places = samples.carriages[:, index]
-        self._way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
-        self._begin, self._start = samples.times[::_PARTS], self._way[::_PARTS]
-        turns = np.flatnonzero(np.diff(np.sign(samples.steps[:, index])))
-        ends = np.append(self._way[turns], self._way[-1])
-        self._end = ends[np.searchsorted(turns, np.arange(len(places)))][::_PARTS]
-        self._v = np.minimum(np.append(self._start[1:], self._start[-1]), self._end) - self._start
-        self._turns = self._start + self._v**2 / (2.0 * self._d) + _TURN > self._end
-
-    def run(self) -> FloatArray:
-        """Return how far off its path the platform gets for each cycle [mm], (n,).
-
-        It is inf where the others cannot follow, or where links might part.
-        """
-        parts = [self._part(k) for k in range(0, len(self._v), _CHUNK)]
-        return np.concatenate([part._follow() for part in parts])
-
-    def _part(self, first: int) -> _Trial:
-        """Return the trial of some cycles in a row."""
-        part, rows = copy(self), slice(first, first + _CHUNK)
-        part._begin, part._start, part._end = self._begin[rows], self._start[rows], self._end[rows]
-        part._v, part._turns = self._v[rows], self._turns[rows]
-        return part
-
-    def _follow(self) -> FloatArray:
-        """Return what ``run`` does, of all cycles at once."""
-        s, d, begin = self._samples, self._d, self._begin
-        before, newest = begin + (REACTION - 1) * s.cycle, begin + REACTION * s.cycle
-        old, now = s.between(s.carriages, before), s.between(s.carriages, newest)
-        good = (self._v > max(_FEWEST * d, LEAST_STEP)) & ~self._turns
-        off = self._off(REACTION, newest)
-        led = [s.between(s.carriages, self._goal(cycles)) for cycles in (REACTION - 1, REACTION)]
-        for cycles in range(REACTION + 1, int(np.ceil(self._v.max() / d)) + REACTION + _EXTRA):
-            goal = self._goal(cycles)
-            here = np.abs(s.between(s.steps, goal))
-            speed = np.maximum(here[:, self._index], LEAST_STEP)
-            pace = np.maximum(self._v - d * cycles, 0.0) / speed * s.cycle
-            good &= (here[:, self._index] > LEAST_STEP) & (pace <= _FASTEST * s.cycle)
-            most = (self._limits / np.maximum(here[:, self._others], 1e-9)).min(axis=1) * s.cycle
-            step = catch_up(goal - newest, newest - before, pace, most)
-            before, newest = newest, newest + np.minimum(step, s.cycle)
-            led = [*led[-2:], s.between(s.carriages, goal)]
-            old, now, new = now, s.between(s.carriages, newest), old
-            good &= self._bear(led, 1.0 / CATCH_UP) & self._bear([new, old, now], 1.0)
-            off = np.maximum(off, self._off(cycles, newest))
-        return np.where(good, off, np.inf)
-
-    def _goal(self, cycles: int) -> FloatArray:
-        """Return the path time at which the plan puts the drive's carriage where it then is [s]."""
-        goal: FloatArray = np.interp(self._gone(cycles), self._way, self._samples.times)
-        return goal
-
-    def _bear(self, places: list[FloatArray], share: float) -> BoolArray:
-        """Tell whether the others bear three places in a row, with a share of the limits, (n,)."""
-        first, second, third = places
-        asked = np.abs(third - 2.0 * second + first)[:, self._others]
-        return np.asarray((asked <= share * _ROUNDING * self._limits).all(axis=1))
-
-    def _gone(self, cycles: int) -> FloatArray:
-        """Return the way that the drive has gone so many cycles after it began to brake [mm]."""
-        t = np.minimum(cycles, self._v / self._d)
-        gone: FloatArray = self._start + self._v * t - 0.5 * self._d * t * t
-        return gone
-
-    def _off(self, cycles: int, u: FloatArray) -> FloatArray:
-        """Return how far off its path the platform is [mm], (n,); inf where links might part.
-
-        Args:
-            cycles: How long ago the drive began to brake.
-            u: Where the others have been put, in path time [s].
-        """
-        s = self._samples
-        behind = np.abs(self._gone(cycles) - np.interp(u, s.times, self._way))
-        off = behind * s.between(s.across[:, self._index], u)
-        return np.where(behind < s.between(s.margin, u), off, np.inf)

@@ -15,11 +15,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from duoglide.arrays import BoolArray, FloatArray
+from duoglide.arrays import BoolArray, FloatArray, IndexArray
 from duoglide.kinematics.headroom.nearby import Patch, room_on
 from duoglide.planning.braking.blocks import (
     Footprint,
-    IndexArray,
     column_width,
     lowest_column,
 )

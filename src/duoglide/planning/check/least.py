@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, IndexArray
 from duoglide.kinematics.carriage_margin import SAME, carriage_margin, least_margin
 from duoglide.kinematics.singularity.margins import FAMILIES, margins
 from duoglide.motion.path.checked import CheckReport, LeastMargin
 from duoglide.planning.check.judge import judge_points
-from duoglide.planning.check.rules import CARRIAGE_MARGIN, CLEARANCE, IndexArray, Intervals, Rules
+from duoglide.planning.check.rules import CARRIAGE_MARGIN, CLEARANCE, Intervals, Rules
 from duoglide.planning.check.search import first_intervals
 from duoglide.planning.tolerances import PICOMETRE
 

@@ -15,10 +15,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray
-from duoglide.kinematics.carriage_margin import margin_up_to
+from duoglide.kinematics.carriage_margin import keeps_margin, margin_up_to
 from duoglide.kinematics.constants import PoseConstants
 from duoglide.kinematics.headroom.anchors import bound_from_anchors
-from duoglide.kinematics.headroom.room import PLENTY, SURE, TOUCHING, box_distance, outside
+from duoglide.kinematics.headroom.room import SURE, TOUCHING, box_distance, outside
 from duoglide.kinematics.modes import WORKING
 from duoglide.kinematics.reach import Reach
 from duoglide.kinematics.singularity.nearest import nearest_surface
@@ -26,6 +26,8 @@ from duoglide.machine import Machine
 from duoglide.planning.check.rules import Parts, Rules
 
 Bounded: TypeAlias = tuple[FloatArray, FloatArray]  # margins, and their lower bounds
+
+_KEPT = 0.5 * (SURE + TOUCHING)  # [mm] beyond what is required; sure in spite of rounding
 
 
 class Bend(NamedTuple):
@@ -97,23 +99,27 @@ def carriage_margin(
 ) -> Bounded:
     """Carriage margins at the samples, as far as they count here, and their lower bounds.
 
-    The margin changes by at most half of what the distance of any two carriages does.
+    The margin changes by at most half of what the distance of any two carriages does. Only whether
+    it is so much larger than needed is asked for first, however large the change: it takes far less
+    time than the margin itself.
     """
     needed, k, (p, q) = rules.machine.carriage_margin, rules.constants, strokes
     values = np.full(parts.half.size, np.inf)
     if needed == 0.0:
         return values[:, None], values[:, None]
+    geometry, places = rules.machine.geometry, parts.states[:, 0]
     half, square = parts.half, 0.5 * parts.half * parts.half
     legs = np.abs((k.w2 - k.w1) * p.slope) * half + abs(k.w2 - k.w1) * p.bound * square
     sides = [np.abs(k.w3 * q.slope - w * p.slope) * half for w in (k.w1, k.w2)]
     loss = 0.5 * np.maximum(legs, np.maximum(*sides) + (p.bound + q.bound) * square)
-    bounded = loss < PLENTY
-    enough = needed + 2.0 * TOUCHING + np.where(bounded, loss, 0.0)
-    inside = reach.lacking.max(axis=1) < 0.0
-    values[inside] = margin_up_to(
-        rules.machine.geometry, parts.states[inside, 0], reach[inside], enough=enough[inside]
-    )
-    return values[:, None], np.where(bounded, values - loss, -np.inf)[:, None]
+    kept = reach.lacking.max(axis=1) < 0.0
+    near = kept.copy()
+    kept[near] = keeps_margin(geometry, places[near], reach[near], (needed + _KEPT + loss)[near])
+    near &= ~kept
+    if near.any():
+        enough = needed + 2.0 * TOUCHING
+        values[near] = margin_up_to(geometry, places[near], reach[near], enough=enough)
+    return values[:, None], np.where(kept, needed + _KEPT, -np.inf)[:, None]
 
 
 def clearance(rules: Rules, parts: Parts, inside: BoolArray) -> Bounded:

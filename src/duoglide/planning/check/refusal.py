@@ -159,7 +159,7 @@ def _put_in_words(rules: Rules, family: int, worst: float, position: FloatArray)
     """Put the worst margin into words."""
     machine, name, short = rules.machine, rules.families[family], max(-worst, 0.0)
     if name == "clearance":
-        surface = nearest_surface(machine.geometry, WORKING.v, position).family
+        surface = str(nearest_surface(machine.geometry, WORKING.v, position).family)
         text = (
             f"the clearance to {surface} falls to {machine.clearance + worst:.3g} mm,"
             f" {short:.3g} mm below the clearance of {machine.clearance:g} mm"

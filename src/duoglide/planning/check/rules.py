@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from duoglide.arrays import BoolArray, FloatArray
+from duoglide.arrays import BoolArray, FloatArray, IndexArray
 from duoglide.kinematics.constants import PoseConstants, pose_constants
 from duoglide.kinematics.headroom.room import SURE, TOUCHING
 from duoglide.kinematics.modes import WORKING
@@ -18,8 +16,6 @@ from duoglide.motion.curve.curve import Curve
 
 CLEARANCE, CARRIAGE_MARGIN = 0, 1  # places of them among the families
 BASE_FAMILIES = ("clearance", "carriage_margin", "travel_1", "travel_2", "travel_3", "order")
-
-IndexArray: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +71,7 @@ class Intervals:
         middle = (self.middle[:, None] + self.half[:, None] * offsets).ravel()
         return Intervals(np.repeat(self.piece, parts), middle, np.repeat(self.half / parts, parts))
 
-    def __getitem__(self, rows: Any) -> Intervals:
+    def __getitem__(self, rows: IndexArray | BoolArray | slice) -> Intervals:
         return Intervals(self.piece[rows], self.middle[rows], self.half[rows])
 
 

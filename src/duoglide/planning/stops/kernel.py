@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, IndexArray
 from duoglide.kinematics.compiled import compiled
+
+Two: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @compiled
-def find_largest_slopes(peaks: FloatArray, limits: Any, levels: Any, rho: float, out: Any) -> None:
+def find_largest_slopes(
+    peaks: FloatArray, limits: Two, levels: Two, rho: float, out: FloatArray
+) -> None:
     """Find the largest R1 that each cell allows with R2 = R1^2 / rho, falling and rising.
 
     Each limit is looked at from both sides: what the plan itself adds there is its own peak; with
@@ -53,7 +57,7 @@ def find_largest_slopes(peaks: FloatArray, limits: Any, levels: Any, rho: float,
 
 
 @compiled
-def fill_windows(largest: FloatArray, lasting: float, slope: FloatArray, until: Any) -> None:
+def fill_windows(largest: FloatArray, lasting: float, slope: FloatArray, until: IndexArray) -> None:
     """Find the R1 that the whole window of each cell allows, and the last cell of the window.
 
     Args:
@@ -73,8 +77,8 @@ def fill_windows(largest: FloatArray, lasting: float, slope: FloatArray, until: 
         until[start] = last
 
 
-def find_windows(largest: FloatArray, lasting: float) -> tuple[FloatArray, Any]:
+def find_windows(largest: FloatArray, lasting: float) -> tuple[FloatArray, IndexArray]:
     """Return what ``fill_windows`` sets."""
-    slope, until = np.empty(largest.size), np.empty(largest.size, dtype=np.int64)
+    slope, until = np.empty(largest.size), np.empty(largest.size, dtype=np.intp)
     fill_windows(largest, lasting, slope, until)
     return slope, until

@@ -3,8 +3,8 @@
 The state in which the span begins is given, so that nothing may be slowed as a whole at the end.
 So the limits are lowered a little beforehand, by what a timing may be off between its knots; and
 the way to rest that the last trajectory has from there shows the solver where to look. That way
-keeps one per cent of every limit in reserve (``TimedCurve.ahead``): where a motion brakes with all
-it has, the smallest change of its knots would leave no way at all.
+keeps one per cent of every limit in reserve (``TimedCurve.ahead``): where a motion slows down with
+all it has, the smallest change of its knots would leave no way at all.
 """
 
 from __future__ import annotations

@@ -251,7 +251,7 @@ def _bound_bends(states: FloatArray, gap: float, jerk: float) -> FloatArray:
 
     The acceleration is at most half a gap's jerk larger than at the ends. A straight motion leaves
     its chords only where it turns back: ruckig's goes back once at most, and then its velocity
-    changes sign from sample to sample, or is braked at the first and driven at the second.
+    changes sign from sample to sample, or is slowed down at the first and driven at the second.
     """
     v, a = states[:, 1], states[:, 2]
     bends: FloatArray = gap * gap * (_take_larger(np.linalg.norm(a, axis=-1)) + 0.5 * jerk * gap)

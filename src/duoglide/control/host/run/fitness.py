@@ -33,7 +33,7 @@ class LimitUse(NamedTuple):
 def machine_that_moves(given: Machine | None, told: Machine, bus: str) -> Machine:
     """Return the machine that a plan or a run of a file is to move.
 
-    What a file says of its machine is data. Simulated drives of this program's own are made after
+    What a file says of its machine is data. Simulated drives of this process's own are made after
     it; on any other bus the machine in front of you counts: the one given, or the default one.
 
     Args:
@@ -124,30 +124,28 @@ def _require_lines(trajectory: Trajectory, machine: Machine) -> None:
 
 def _require_rests(trajectory: Trajectory) -> None:
     """Refuse a part of a program: the machine stands before a run, and after it."""
+    ends = np.array([0.0, trajectory.duration])
+    first, last = np.abs(trajectory.at(ends).velocity).max(axis=-1).tolist()
+    speed = last
     if trajectory.whole is not None:
-        speed = np.abs(trajectory.at(trajectory.duration).velocity).max()
-        raise PathError(
-            f"the trajectory ends in motion, at {speed:.4g} mm/s of a carriage, where another one"
-            " takes over: run its whole, which goes on to rest",
-            quantity="rest",
-            amount=float(speed),
+        why = (
+            f"the trajectory ends in motion, at {last:.4g} mm/s of a carriage, where another one"
+            " takes over: run its whole, which goes on to rest"
         )
-    if not trajectory.starts_at_rest:
-        speed = np.abs(trajectory.at(0.0).velocity).max()
-        raise PathError(
-            f"the trajectory begins in motion, at {speed:.4g} mm/s of a carriage: it goes on from"
-            " another one, and cannot be run by itself",
-            quantity="rest",
-            amount=float(speed),
+    elif not trajectory.starts_at_rest:
+        speed = first
+        why = (
+            f"the trajectory begins in motion, at {first:.4g} mm/s of a carriage: it goes on from"
+            " another one, and cannot be run by itself"
         )
-    if not trajectory.ends_at_rest:
-        speed = np.abs(trajectory.at(trajectory.duration).velocity).max()
-        raise PathError(
-            f"the trajectory does not come to rest: at its end a carriage has {speed:.4g} mm/s, and"
-            " nothing takes over",
-            quantity="rest",
-            amount=float(speed),
+    elif not trajectory.ends_at_rest:
+        why = (
+            f"the trajectory does not come to rest: at its end a carriage has {last:.4g} mm/s, and"
+            " nothing takes over"
         )
+    else:
+        return
+    raise PathError(why, quantity="rest", amount=speed)
 
 
 def _require_geometry(machine: Machine, trajectory: Trajectory) -> None:

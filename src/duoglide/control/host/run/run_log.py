@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from duoglide.control.channel.ring import CycleEntry, EventEntry
@@ -62,13 +61,8 @@ class RunLog:
             failed.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._writer.__exit__(kind, error, trace)
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._writer.__exit__(kind)
 
     def add_cycle(self, entry: CycleEntry) -> None:
         """Write a cycle."""
