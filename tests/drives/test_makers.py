@@ -232,9 +232,11 @@ def test_nothing_homes_before_all_is_set_and_no_statusword_is_hammered() -> None
 
         with ThreadPoolExecutor(1) as pool:
             listening = pool.submit(listen)
-            with homed(machine, drives):
-                require_at(drives, HOME_CARRIAGES)
-            over.set()
+            try:
+                with homed(machine, drives):
+                    require_at(drives, HOME_CARRIAGES)
+            finally:
+                over.set()
             listening.result(10.0)
     for node in machine.drives.node_ids:
         requests = [i for i, f in enumerate(frames) if f[0] == pdo.SDO_REQUEST + node]
