@@ -34,6 +34,7 @@ class Background:
 
     def __init__(self) -> None:
         self._tasks: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._closing, self._closed = threading.Lock(), False
         thread = threading.Thread(target=self._work, name="duoglide-background", daemon=True)
         try:
             thread.start()
@@ -47,15 +48,20 @@ class Background:
         """Do something there, wait for it, and return or raise what it does.
 
         Whoever is interrupted while waiting goes on at once; what was begun is then ended for
-        nobody.
+        nobody. After ``close``, whoever asks does it: nobody waits for a thread that has ended.
         """
         future: Future[T] = Future()
-        self._tasks.put(lambda: _fulfil(future, task))
-        return future.result()
+        with self._closing:
+            closed = self._closed
+            if not closed:
+                self._tasks.put(lambda: _fulfil(future, task))
+        return task() if closed else future.result()
 
     def close(self) -> None:
         """Let the thread end when what it does is done; it keeps nobody waiting."""
-        self._tasks.put(None)
+        with self._closing:
+            self._closed = True
+            self._tasks.put(None)
 
     def _work(self) -> None:
         with suppress(OSError):
