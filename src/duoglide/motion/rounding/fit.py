@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array, diags
 
 from duoglide.arrays import BoolArray, FloatArray
 
@@ -248,7 +248,7 @@ class _Basis:
         p, allowed = self.samples.points, share * self.samples.tolerance
         safe = self.least_squares().c
         pace = _pace(BSpline(self.knots, safe, _DEGREE), self.breaks) ** _HURRY
-        self.third = csr_array(diags_array(np.sqrt(pace)) @ self.third)
+        self.third = csr_array(csr_array(diags(np.sqrt(pace))) @ self.third)
         find = self._prepare(_STIFF * self.weight * pace[self.index], 1.0)
         matrix = self.matrix.toarray() if self.matrix.shape[1] <= _DENSE else self.matrix
         control = find(p)
@@ -289,9 +289,10 @@ def _third_derivatives(knots: FloatArray, spans: FloatArray) -> csr_array:
         inner = inner[1:-1]
         gap = inner[degree:] - inner[:-degree]
         count = gap.size
-        step = diags_array([-degree / gap, degree / gap], offsets=[0, 1], shape=(count, count + 1))
+        sides = diags([-degree / gap, degree / gap], offsets=[0, 1], shape=(count, count + 1))
+        step = csr_array(sides)
         matrix = step if matrix is None else step @ matrix
-    return csr_array(diags_array(np.sqrt(spans)) @ matrix)
+    return csr_array(csr_array(diags(np.sqrt(spans))) @ matrix)
 
 
 def _pace(spline: BSpline, breaks: FloatArray) -> FloatArray:
