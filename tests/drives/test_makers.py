@@ -58,7 +58,7 @@ def imitated(*imitations: Imitation) -> Iterator[SimulatedDrives]:
 
 def machine_of(table: dict[str, Any]) -> dg.Machine:
     """Return a machine with these drives, slow and patient."""
-    limits = {"velocity": 800.0, "acceleration": 8000.0, "jerk": 400e3}
+    limits = {"velocity": 100.0, "acceleration": 2000.0, "jerk": 100e3}
     drives = {**table.get("drives", {}), **PATIENT}
     return dg.Machine.from_dict({"limits": limits, "drives": drives})
 
