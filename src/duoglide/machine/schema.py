@@ -111,7 +111,7 @@ def _type(hint: Any) -> dict[str, Any]:
         return {"type": _SIMPLE[hint]}
     if isinstance(hint, type) and issubclass(hint, StrEnum):
         return {"type": "string", "enum": [member.value for member in hint]}
-    if hint is FloatArray or typing.get_origin(hint) is np.ndarray:
+    if hint == FloatArray or typing.get_origin(hint) is np.ndarray:
         return {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
     inner = typing.get_args(hint)
     several = inner[-1] is not Ellipsis
