@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -7,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from duoglide.control.channel.events import Condition, Reaction, Trip
-from duoglide.control.channel.orders import Policy
-from duoglide.control.streamer.supervise import Observation, Watch, assess
-from duoglide.control.streamer.tracks import AxisView
+from duoglide.control.channel.orders import Policy, TrailRule
+from duoglide.control.streamer.supervise import DueSetpoints, Observation, Watch, assess
+from duoglide.control.streamer.tracks import AxisTrack, AxisView
+from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
 from duoglide.drives.pdo import NmtState
 
@@ -137,6 +139,24 @@ def test_a_reaction_never_gets_weaker_and_each_thing_is_told_once(
     assert len(told) == len(set(told))
     watch.forget()
     assert watch.reaction is Reaction.NONE
+
+
+@pytest.mark.parametrize("tells", [True, False])
+def test_a_drive_without_the_bit_that_says_it_follows_is_not_asked_for_it(tells: bool) -> None:
+    """Also not in a cycle without its answer, as on a busy computer: seen as a quick stop."""
+    watch = Watch(POLICY, [TrailRule(tells=tells)] * 3)
+    tracks = tuple(AxisTrack() for _ in range(3))
+    due = DueSetpoints([(0, 0, 0)] * 3, math.inf, 0)
+    watch.seen.moving = True
+    for answers in (True, True, True, True, False, True):
+        for track in tracks:
+            track.on_heartbeat(bytes([NmtState.OPERATIONAL]))
+            if answers:
+                track.on_feedback(pdo.FEEDBACK.pack(0x0637, 0))
+            track.end_of_cycle(1)
+        watch.see_axes(tracks, due)
+        seen = {trip.condition for trip in assess(watch.seen, POLICY)}
+        assert seen == ({Condition.NOT_FOLLOWING} if tells else set())
 
 
 def test_a_trip_says_axis_condition_and_code_in_words() -> None:

@@ -212,6 +212,8 @@ class Watch:
         for index, (view, track) in enumerate(zip(self.seen.axes, tracks, strict=True)):
             track.fill(view)
             view.following, view.stays, view.away, view.far = 0.0, False, False, False
+            if not self.trails[index].rule.tells:
+                view.statusword |= _FOLLOWS  # also in the last answer, where one is missing
             if homing or track.homing:
                 view.statusword = 0  # bits 12 and 13 mean something else there
             elif due is not None and not track.missing and index + 1 != self.leader:
@@ -221,8 +223,6 @@ class Watch:
     def _judge_trail(self, index: int, track: AxisTrack, due: DueSetpoints) -> None:
         view, trail = self.seen.axes[index], self.trails[index]
         # after a gap the answer may be to an earlier SYNC, for a while
-        if not trail.rule.tells:
-            view.statusword |= _FOLLOWS
         unsure = due.unsure if track.settled else max(due.unsure, _UNSURE + track.gap)
         row = [setpoint[index] for setpoint in due.setpoints]
         trail.see(track.actual, row, due.margin / trail.rule.mm, unsure)
