@@ -81,6 +81,10 @@ class Observation:
     pressed: bool = False
     foreign: bool = False
 
+    def host_is_silent(self, policy: Policy) -> bool:
+        """Whether the host has not spoken for longer than it may."""
+        return self.host >= policy.host and not self.host_waits
+
 
 _FOLLOWING_ERROR = int(Status.FOLLOWING_ERROR)  # plain numbers: an IntFlag's & costs 1.5 us
 _FOLLOWS = int(Status.FOLLOWS_COMMAND)
@@ -106,7 +110,7 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.PRESSED, Reaction.QUICK_STOP)
     if seen.bus_failed:
         yield Trip(Condition.BUS, Reaction.QUICK_STOP)
-    if seen.host >= policy.host and not seen.host_waits:
+    if seen.host_is_silent(policy):
         yield Trip(Condition.HOST_SILENT, Reaction.STOP_AND_DISABLE)
     if not seen.enabled:
         return
