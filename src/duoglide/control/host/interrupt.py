@@ -142,6 +142,11 @@ class Ultimatum:
         self._since = None
         return powered and (self._firm or orders == self._orders)
 
+    @property
+    def waits(self) -> bool:
+        """Whether the main thread may yet hear a signal."""
+        return self._unheard is not None
+
     def unheard(self, now: float) -> int:
         """Return the signal that the main thread has had its time to hear, and has not; or 0."""
         if self._unheard is None:

@@ -163,8 +163,8 @@ class Monitor:
             self._insist_on_the_end(now)
             if gone or now - heard > _SILENCE:
                 self._give_up("is gone" if gone else "does not answer")
-                if gone:
-                    return
+            if gone and not self._ultimatum.waits:
+                return
         self._take()
 
     def _insist_on_the_end(self, now: float) -> None:
