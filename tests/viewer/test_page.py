@@ -17,6 +17,7 @@ import pytest
 import duoglide as dg
 from duoglide.control.channel.events import RunState
 from duoglide.control.host.run.handle import RunStatus
+from duoglide.control.host.trace import Trace
 from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot
 from duoglide.viewer.page import Page
@@ -74,6 +75,17 @@ def browser_page(browser: Any) -> Iterator[Any]:
         tab.folder = Path(folder)
         yield tab
         tab.close()
+
+
+def standing(**changes: Any) -> Any:
+    """A machine of somebody else that stands still."""
+    robot = {
+        "machine": PATIENT, "bus": "virtual", "homed": False, "why_not_homed": "as this test says",
+        "enabled": False, "latched": (), "states": (State.SWITCH_ON_DISABLED,) * 3,
+        "carriages": np.zeros(3), "current_run": None, "trace": Trace(PATIENT.drives),
+        "stop": lambda: None,
+    }  # fmt: skip
+    return SimpleNamespace(**robot | changes)
 
 
 def visit(browser: Any, page: Page) -> Any:
@@ -149,10 +161,7 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
 def stopping(browser: Any) -> Iterator[tuple[Any, list[float]]]:
     """A page beside a machine of somebody else, and when it was stopped."""
     stops: list[float] = []
-    robot: Any = SimpleNamespace(
-        machine=PATIENT, bus="virtual", homed=False, states=(), carriages=(), current_run=None,
-        stop=lambda: stops.append(time.monotonic()),
-    )  # fmt: skip
+    robot = standing(stop=lambda: stops.append(time.monotonic()))
     with Page(PATIENT, drives=robot, port=0) as page:
         tab = visit(browser, page)
         tab.gui = page._server.gui
@@ -186,10 +195,11 @@ def test_space_stops_while_a_text_has_the_focus_and_is_not_typed(stopping: Any) 
 
 def test_space_stops_while_a_button_has_the_focus_and_does_not_press_it(stopping: Any) -> None:
     tab, _ = stopping
-    button = tab.get_by_role("button", name="Hold")
-    button.focus()
+    open_tab(tab, "Motion")
+    tab.get_by_role("button", name="Plan", exact=True).focus()
     assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1
-    assert not tab.get_by_text("Nothing runs.").count(), "Hold says that, if it is pressed"
+    wait_for(tab, "Nothing is loaded.")
+    assert not tab.get_by_text("Planning").count(), "Plan says that, if it is pressed"
 
 
 def test_stop_and_space_work_under_an_open_dialog(stopping: Any) -> None:
@@ -251,10 +261,7 @@ def test_another_tab_watches_and_takes_over(browser: Any, browser_page: Any) -> 
 def test_the_override_is_the_one_that_another_page_has_chosen(browser: Any) -> None:
     status = RunStatus(RunState.RUNNING, 0.1, 0.5, (0.0, 1.0, 2.0), (0.0, 0.0, 0.0), 9.0, 0.5)
     run = SimpleNamespace(status=status)
-    robot: Any = SimpleNamespace(
-        machine=PATIENT, bus="virtual", homed=False, states=(State.OPERATION_ENABLED,) * 3,
-        carriages=np.zeros(3), current_run=run, stop=lambda: None,
-    )  # fmt: skip
+    robot = standing(states=(State.OPERATION_ENABLED,) * 3, enabled=True, current_run=run)
     with share(robot) as path, Page(PATIENT, drives=JoinedRobot(path), port=0) as page:
         tab = visit(browser, page)
         slider = tab.locator("input:visible").last.element_handle()
@@ -268,9 +275,10 @@ def test_a_jog_leaves_the_override_of_the_next_run_alone(browser: Any) -> None:
     creeping = SimpleNamespace(
         status=RunStatus(RunState.RUNNING, 0.1, 0.1, (0.0,) * 3, (0.0,) * 3, 9.0, 0.1)
     )
-    robot: Any = SimpleNamespace(
-        machine=PATIENT, bus="virtual", homed=True, states=(State.OPERATION_ENABLED,) * 3,
-        carriages=np.zeros(3), position=np.array([-41.0, 0.0, 302.0]), current_run=None,
+    place = np.array([-41.0, 0.0, 302.0])
+    robot = standing(
+        states=(State.OPERATION_ENABLED,) * 3, enabled=True, homed=True, position=place,
+        carriages=dg.inverse(dg.Geometry(), place),
     )  # fmt: skip
 
     def jog(_: Any) -> None:
@@ -281,9 +289,9 @@ def test_a_jog_leaves_the_override_of_the_next_run_alone(browser: Any) -> None:
     robot.jog = jog
     with Page(PATIENT, drives=robot, port=0) as page:
         tab = visit(browser, page)
-        open_tab(tab, "Machine")
-        tab.get_by_text("Jog").click()
+        open_tab(tab, "Jog")
         tab.get_by_role("button", name="+x").click()
+        open_tab(tab, "Operator")
         wait_for(tab, "running at")
         wait_for(tab, "At (-41.00, 0.00, 302.00) mm.")
         assert tab.locator("input:visible").last.input_value() == "100"

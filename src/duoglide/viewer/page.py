@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 from duoglide.errors import BusError, ConfigError
 from duoglide.viewer.address import require_address, require_port
-from duoglide.viewer.door import Door, Gate
+from duoglide.viewer.door import Door, Gate, News
+from duoglide.viewer.live_panel import LivePanel
 from duoglide.viewer.machine_panel import MachinePanel
 from duoglide.viewer.mechanism import METRES, Mechanism
 from duoglide.viewer.motion_panel import MotionPanel
@@ -63,7 +64,8 @@ class Page:
         below = folder or Path.cwd()
         require_address(host, port)
         self._host = host
-        self._door = Door(Gate(host), self.stop)
+        news = News()
+        self._door = Door(Gate(host), self.stop, news)
         try:
             with _unannounced(), self._door.before_viser():
                 self._server = viser.ViserServer(
@@ -88,8 +90,19 @@ class Page:
             self._surfaces = Surfaces(self._server, machine)
         with tabs.add_tab("Motion"):
             self._motion = MotionPanel(self._server, machine, self._pose, below)
-        with tabs.add_tab("Machine"):
-            self._machine = MachinePanel(self._server, machine, drives, self._motion, owner)
+        machine_tab = tabs.add_tab("Machine")
+        with tabs.add_tab("Live"):
+            live = LivePanel(self._server, machine)
+        with machine_tab:
+            self._machine = MachinePanel(
+                self._server,
+                machine,
+                drives,
+                motion=self._motion,
+                live=live,
+                owner=owner,
+                news=news,
+            )
         if file is not None:
             self._motion.open(file)
 
