@@ -89,6 +89,7 @@ class MachinePanel:
         self._button("small_moves", "Park", self._park, "Parking")
         self._button("reset", "Reset fault", Robot.reset_fault, "Resetting", color="orange")
         self._button("disable", "Disable", Robot.disable, "Switching off", color="gray")
+        self._state = self._gui.add_markdown("")
         self._allow(self._situation(None))
         self._watching = threading.Thread(target=self._watch, name="page-watch", daemon=True)
         self._watching.start()
@@ -104,7 +105,7 @@ class MachinePanel:
             self._owner.allow_all(hold, self._take)
             self._override = self._gui.add_slider("Override [%]", 0, 100, 1, 100)
             self._words = self._gui.add_markdown("Not connected." if self._own else "Live.")
-            self._state = self._gui.add_markdown("")
+            self._course = self._gui.add_markdown("")
         with window.add_tab("Jog"):
             self._add_jog()
         window.float(x=15.0, y=-15.0, width=330.0)
@@ -342,6 +343,7 @@ class MachinePanel:
     def _show(self, look: Look) -> None:
         status, position = look.run, look.position
         _write(self._state, _describe(look))
+        _write(self._course, _describe_run(status) if status is not None else "")
         _write(self._where, _describe_place(look))
         if status is not None and not self._creeping:
             self._follow_override(status.override)
@@ -381,8 +383,7 @@ def _describe(look: Look) -> str:
             zip(look.states, look.carriages.tolist(), strict=True), start=1
         )
     ]
-    table = "| carriage | drive | mm |\n|---|---|---|\n" + "\n".join(rows)
-    return table if look.run is None else f"{_describe_run(look.run)}\n\n{table}"
+    return "| carriage | drive | mm |\n|---|---|---|\n" + "\n".join(rows)
 
 
 def _describe_run(status: RunStatus) -> str:

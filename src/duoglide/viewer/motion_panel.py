@@ -75,6 +75,7 @@ class MotionPanel:
             self._file = self._gui.add_text("File", "run.mcap", hint=f"Below {folder}")
             self._gui.add_button("Open").on_click(lambda _: self._open_named())
         self._words = self._gui.add_markdown("Nothing is loaded.")
+        self._key = self._gui.add_html(_colour_key(machine), visible=False)
         self._time = self._gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, disabled=True)
         self._play = self._gui.add_checkbox("Play", False, disabled=True)
         self._graphs = self._gui.add_folder("Over time")
@@ -124,6 +125,7 @@ class MotionPanel:
         self._time.value = 0.0
         self._time.disabled = self._play.disabled = False
         self._words.content = recording.words
+        self._key.visible = True
         self._draw_path(recording)
         self._draw_plots(recording)
         self.pose.follow(recording.positions[0])
@@ -191,3 +193,19 @@ class MotionPanel:
                 self._show_time(now)
                 if now >= end:
                     self._play.value = False
+
+
+def _colour_key(machine: Machine) -> str:
+    """Return the scale of the path's colours in HTML: the worse of clearance and margin counts."""
+    near, far = (f"rgb({', '.join(map(str, colour))})" for colour in (_NEAR, _FAR))
+    rows = "".join(
+        f"<tr><td>{least:g}</td><td>{name} [mm]</td><td>{least + ease:g} and more</td></tr>"
+        for name, least, ease in (
+            ("clearance", machine.clearance, _EASE),
+            ("carriage margin", machine.carriage_margin, _LOOSE),
+        )
+    )
+    return (
+        f'<div id="duoglide-key"><div style="background: linear-gradient(90deg, {near}, {far})">'
+        f"</div><table><tbody>{rows}</tbody></table></div>"
+    )

@@ -80,12 +80,13 @@ class Situation:
     def allowed(self) -> Allowed:
         """Which buttons can act."""
         look = self.look
+        free = self.own and not self.busy
         if look is None or self.blind:
-            return Allowed(connect=self.own and not self.busy and look is None)
+            return Allowed(connect=free and not self.blind, reset=free and bool(self.blind))
         state = look.run.state if look.run is not None else RunState.NONE
         hold = state in (RunState.RUNNING, RunState.WAITING)
         resume = state in (RunState.HOLDING, RunState.HELD)
-        if not self.own or self.busy or look.run is not None:
+        if not free or look.run is not None:
             return Allowed(hold=hold, resume=resume)
         faulty = self._faulty(look)
         ready = look.enabled and look.homed and not faulty
@@ -110,7 +111,7 @@ class Situation:
         return Banner(word, level, detail, advice, (True, look.homed, look.enabled))
 
     def _wake(self) -> str:
-        return "See the message, and connect again" if self.own else "Look at its owner"
+        return "Mend the cause, then press Reset fault" if self.own else "Look at its owner"
 
     def _state(self, look: Look) -> tuple[str, Level, str, str]:
         if self._faulty(look):
