@@ -65,7 +65,7 @@ def _add_axes(scene: Any, geometry: Geometry) -> None:
     scene.add_arrows(
         "/axes",
         points=np.stack([np.broadcast_to(start, (3, 3)), tips], axis=1),
-        colors=np.stack([colours, colours], axis=1),
+        colors=colours,
         shaft_radius=0.004,
         head_radius=0.009,
         head_length=0.02,
