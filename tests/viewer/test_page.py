@@ -326,7 +326,7 @@ def jogging(browser: Any) -> Iterator[tuple[Any, Any]]:
     def jog(step: Any) -> None:
         robot.current_run = SimpleNamespace(status=creeping)
         robot.steps.append(step.tolist())
-        assert robot.go_on.wait(PATIENCE)
+        assert robot.go_on.wait(PATIENCE / 1000)
         robot.current_run = None
 
     robot.jog = jog
