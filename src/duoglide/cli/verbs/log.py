@@ -122,7 +122,7 @@ def _exports(goals: dict[str, Path | None]) -> list[Writer]:
     if not any(goals.values()):
         return []
     from duoglide.playback.candump import write_candump
-    from duoglide.playback.foxglove import write_foxglove
+    from duoglide.playback.shown.foxglove import write_foxglove
     from duoglide.playback.tables import write_csv, write_parquet
 
     writers: dict[str, tuple[str, Callable[[Log, Path], int]]] = {
