@@ -17,6 +17,7 @@ import pytest
 from google.protobuf import json_format
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from rerun.chunk import RrdReader
 from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 
@@ -26,6 +27,7 @@ from duoglide.playback.run_data import read_run
 from duoglide.playback.shown.foxglove import GROUPS, write_foxglove
 from duoglide.playback.shown.foxglove_layout import write_layout
 from duoglide.playback.shown.foxglove_schemas import SCHEMAS
+from duoglide.playback.shown.rerun_file import write_rerun
 from duoglide.playback.shown.ros2 import write_ros2
 from duoglide.playback.shown.scene import read_scene
 from duoglide.storage import Phase, Topic, read_log
@@ -266,3 +268,52 @@ def test_what_is_played_keeps_the_model_for_those_who_come_later(
             if connection.ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
         }
     assert kept == {"/robot_description", "/joint_trajectory"}
+
+
+def test_reruns_own_reader_finds_the_run(
+    run_log: Path, trajectory: dg.Trajectory, tmp_path: Path
+) -> None:
+    log = read_log(run_log)
+    data, scene = read_run(log), read_scene(log)
+    assert scene.bodies is not None
+    assert write_rerun(log, tmp_path / "run.rrd") == len(data)
+    reader = RrdReader(tmp_path / "run.rrd")
+    assert len(reader.blueprints()) == len(reader.recordings()) == 1
+    chunks = list(reader.stream().to_chunks())
+    moving = {chunk.entity_path: chunk.to_record_batch() for chunk in chunks if not chunk.is_static}
+    assert set(moving) == {
+        "/events",
+        "/path/done",
+        "/clearance/clearance",
+        "/lateness/lateness",
+        *(f"/{group}/carriage_{n}" for group in ("following_error", "robot") for n in (1, 2, 3)),
+        *(f"/carriages/{name}_{n}" for name in ("setpoint", "actual") for n in (1, 2, 3)),
+        *(f"/robot/{body.name}" for body in scene.bodies.tree.bodies),
+    }
+    rows = moving["/carriages/actual_2"]
+    assert rows.column("Scalars:scalars").flatten().to_pylist() == data.actual_mm[:, 1].tolist()
+    stamps = rows.column("time").cast("int64").to_pylist()
+    assert stamps == scene.stamps.tolist()
+    foot = np.array(moving["/robot/carriage_3"].column("Transform3D:translation").to_pylist())
+    assert 1e3 * foot[:, 0, 1] == pytest.approx(scene.carriages[scene.bodies.rows, 2], abs=1e-3)
+    known = np.isfinite(data.following_error[:, 0]).sum()
+    assert moving["/following_error/carriage_1"].num_rows == known < len(data)
+    static = {chunk.entity_path: chunk.to_record_batch() for chunk in chunks if chunk.is_static}
+    (line,) = static["/path/planned"].column("LineStrips3D:strips").to_pylist()[0]
+    assert 1e3 * np.array(line[-1]) == pytest.approx(
+        trajectory.position_at(trajectory.duration), abs=1e-3
+    )
+
+
+def test_a_plan_is_shown_by_rerun_and_written_for_ros(
+    trajectory: dg.Trajectory, tmp_path: Path
+) -> None:
+    trajectory.save(tmp_path / "plan.mcap")
+    log = read_log(tmp_path / "plan.mcap")
+    assert write_rerun(log, tmp_path / "plan.rrd") > 20
+    paths = {chunk.entity_path for chunk in RrdReader(tmp_path / "plan.rrd").stream().to_chunks()}
+    assert {"/velocity/carriage_1", "/robot/platform", "/path/planned"} <= paths
+    write_ros2(log, tmp_path / "bag")
+    with AnyReader([tmp_path / "bag"]) as reader:
+        topics = {connection.topic for connection in reader.connections}
+    assert topics == {"/robot_description", "/joint_states", "/tf", "/joint_trajectory"}

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import BoolArray, FloatArray
 from duoglide.kinematics.export import Tree, body_poses, build_tree, joint_values
 from duoglide.kinematics.model import reachable
 from duoglide.machine import Geometry, Machine
@@ -144,7 +144,7 @@ def boxes(geometry: Geometry, tree: Tree) -> tuple[Box, ...]:
 
 def _place(geometry: Geometry, times: FloatArray, position: FloatArray) -> Bodies | None:
     """Place the bodies at some of the rows; those where the links do not close are left out."""
-    known = np.isfinite(position).all(axis=-1)
+    known: BoolArray = np.asarray(np.isfinite(position).all(axis=-1))
     known[known] = reachable(geometry, position[known])
     rows = np.flatnonzero(known)
     if not len(rows):
