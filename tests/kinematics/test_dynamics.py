@@ -15,7 +15,6 @@ from duoglide.kinematics.dynamics import kernels
 from duoglide.kinematics.dynamics.constants import KILOGRAM
 from duoglide.kinematics.dynamics.dynamics import constants_of
 from duoglide.kinematics.kernels import in_numpy
-from tests.kinematics.conftest import Poses
 
 WORKING = dg.WorkingMode()
 HOME = np.array([-41.0, 3.0, 302.0])
@@ -44,7 +43,8 @@ class Motion:
                 gravity=tuple(draw(-1e4, 1e4, 3)),
             ),
         )
-        found = Poses(int(draw(0, 1e6)))(geometry, WORKING, 6 * count)
+        cube = draw(-700.0, 700.0, (4000, 3))
+        found = cube[dg.reachable(geometry, cube, WORKING)]
         inside = np.abs(dg.margins(geometry, found).least()) > 3.0
         self.position = found[inside][:count]
         shape = self.position.shape
