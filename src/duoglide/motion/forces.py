@@ -71,10 +71,12 @@ def platform_state(motion: Motion, t: FloatArray) -> PlatformState:
         state = motion.at(t)
         rates = state.carriages, state.velocity, state.acceleration
         return forward_rates(motion.machine.geometry, *rates)
-    sigma, speed, rate, _ = np.moveaxis(motion.profile.at(t), -1, 0)
-    r = path.curve.derivatives(sigma)
-    v, a = speed[..., None], rate[..., None]
-    return PlatformState(r[..., 0, :], r[..., 1, :] * v, r[..., 1, :] * a + r[..., 2, :] * v * v)
+    along = motion.profile.at(t)
+    r = path.curve.derivatives(along[..., 0])
+    speed, rate = along[..., 1, None], along[..., 2, None]
+    velocity: FloatArray = r[..., 1, :] * speed
+    acceleration: FloatArray = r[..., 1, :] * rate + r[..., 2, :] * speed**2
+    return PlatformState(r[..., 0, :], velocity, acceleration)
 
 
 def forward_rates(
