@@ -47,6 +47,11 @@ class Document(StrEnum):
     APPROACH = "approach"
     REPORT = "report"
 
+    @classmethod
+    def of_part(cls, part: int) -> str:
+        """Return the name of the plan of a part of a program; its file's first is TRAJECTORY."""
+        return f"{cls.TRAJECTORY}_{part}"
+
 
 class Phase(IntEnum):
     """What the stream does in a cycle."""
@@ -116,6 +121,7 @@ class CycleRecord:
         statusword: 0x6041 of each drive, the last one received.
         lateness: How long after its deadline the cycle began [us].
         missing: Bit i is set where drive i's answer to this SYNC did not come.
+        part: Which part of a program ``path_time`` is along, from 0; 0 of any other run.
     """
 
     TOPIC: ClassVar[Topic] = Topic.CYCLE
@@ -130,12 +136,14 @@ class CycleRecord:
     statusword: IntTriple
     lateness: int = 0
     missing: int = 0
+    part: int = 0
 
     def to_json(self) -> bytes:
         """Return the message as one JSON object; formatted by hand, for this is the hot path."""
         return (
             b'{"cycle":%d,"path_time":%b,"setpoint":[%d,%d,%d],"actual":[%d,%d,%d],"lateness":%d,'
-            b'"missing":%d,"phase":%d,"rate":%b,"controlword":[%d,%d,%d],"statusword":[%d,%d,%d]}'
+            b'"missing":%d,"phase":%d,"rate":%b,"controlword":[%d,%d,%d],"statusword":[%d,%d,%d],'
+            b'"part":%d}'
         ) % (  # what changes comes first, so that the rest is one match for the compressor
             self.cycle,
             _float(self.path_time),
@@ -147,6 +155,7 @@ class CycleRecord:
             _float(self.rate),
             *self.controlword,
             *self.statusword,
+            self.part,
         )
 
     @classmethod
@@ -163,6 +172,7 @@ class CycleRecord:
             statusword=_wholes(fields, "statusword", 0, _WORD),
             lateness=_whole(fields, "lateness", -_INT63, _INT63),
             missing=_whole(fields, "missing", 0, 0b111),
+            part=_whole(fields, "part", 0, _INT63) if "part" in fields else 0,  # older logs
         )
 
 

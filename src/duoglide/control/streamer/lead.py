@@ -56,7 +56,7 @@ class Lead:
             return
         self.axis = 0
         stopping = [i for i, view in enumerate(views) if view.emergency or view.state in _BRAKING]
-        stops = follower.prepared.led
+        stops = follower.led_stops
         if len(stopping) != 1 or stops is None or skipped:
             return
         index = stopping[0]

@@ -29,6 +29,10 @@ class LimitUse(NamedTuple):
     acceleration: Triple
     jerk: Triple
 
+    def worst(self, other: LimitUse) -> LimitUse:
+        """Return the worse of both, carriage by carriage."""
+        return _limit_use(np.maximum(np.array(self), np.array(other)))
+
 
 def machine_that_moves(given: Machine | None, told: Machine, bus: str) -> Machine:
     """Return the machine that a plan or a run of a file is to move.
@@ -84,12 +88,23 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> tuple[Trajectory, L
     if not isinstance(given, Trajectory):
         kind = type(given).__name__
         raise InputError(f"a run needs a Trajectory (of dg.plan or dg.Trajectory.load), got {kind}")
-    _require_lines(trajectory, machine)
+    require_lines(trajectory, machine)
     if trajectory.pace is None:
         _require_rests(trajectory)
     _require_geometry(machine, trajectory)
     fit, uses = trajectory.certified_for(machine)
     return fit, _limit_use(uses)
+
+
+def sample_limit_use(part: Trajectory) -> LimitUse:
+    """Return how much of its machine's limits a part of a program uses, at the drives' cycles."""
+    limits = part.machine.limits
+    _, state = part.sample(part.machine.drives.cycle)
+    uses = [
+        np.abs(getattr(state, name)).max(axis=0) / getattr(limits, name)
+        for name in ("velocity", "acceleration", "jerk")
+    ]
+    return _limit_use(np.array(uses))
 
 
 def measure_limit_use(trajectory: Trajectory, machine: Machine) -> LimitUse:
@@ -106,7 +121,7 @@ def _limit_use(uses: FloatArray) -> LimitUse:
     return LimitUse(velocity, acceleration, jerk)
 
 
-def _require_lines(trajectory: Trajectory, machine: Machine) -> None:
+def require_lines(trajectory: Trajectory, machine: Machine) -> None:
     """Refuse actions on inputs or outputs that a drive does not have."""
     for time, action in trajectory.actions:
         if isinstance(action, Dwell):
