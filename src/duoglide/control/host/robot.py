@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import count
@@ -18,8 +18,13 @@ from duoglide.control.host.background import load_planning
 from duoglide.control.host.connection import Connection
 from duoglide.control.host.drivetrain import Drivetrain
 from duoglide.control.host.interrupt import undisturbed
-from duoglide.control.host.run.feed import ProgramFeed
-from duoglide.control.host.run.fitness import LimitUse, measure_limit_use, require_fit
+from duoglide.control.host.run.feed import KnownParts, PartFeed, PlannerProcess, Source
+from duoglide.control.host.run.fitness import (
+    LimitUse,
+    measure_limit_use,
+    require_chain,
+    require_fit,
+)
 from duoglide.control.host.run.handle import (
     STOP_PATIENCE,
     RunHandle,
@@ -353,7 +358,7 @@ class Robot:
         run_log = None
         if log is not None:
             fit = ready.chain[-1].trajectory
-            run_log = RunLog(log, self.machine, fit, ready.way, self.bus)
+            run_log = RunLog(log, self.machine, fit.to_document(), ready.way, self.bus)
         plan = RunPlan(ready.chain, override, self.machine.drives, ready.use)
         return self._begin(plan, run_log)
 
@@ -422,7 +427,44 @@ class Robot:
         method = None if timing is None else as_timing(timing)
         self._require_ready()
         order = ProgramOrder(self.machine, tolerance, brake_safe, method)
-        feed = ProgramFeed(order, paths, self._numbers)
+        return self._start_feed(PlannerProcess(order, paths), log, approach, override)
+
+    def run_parts(
+        self,
+        parts: Sequence[Trajectory],
+        *,
+        log: str | Path | None = None,
+        approach: bool = False,
+        override: float = 1.0,
+    ) -> RunReport:
+        """Run the parts of a program that have been planned, as ``plan_program`` yields them.
+
+        Args:
+            parts: For this machine; each takes over where the one before ends, and the last one
+                ends at rest.
+            log: See ``run``.
+            approach: See ``run``.
+            override: See ``run``.
+
+        Raises:
+            InputError: There are none.
+            DuoglideError: What ``run`` raises.
+        """
+        override = _require_first_override(override)
+        log = None if log is None else as_path(log, "log")
+        if not parts:
+            raise InputError("there is no part to run")
+        parts = self._do(lambda: require_chain(parts, self.machine))
+        self._require_ready()
+        return wait_to_the_end(
+            self._start_feed(KnownParts(self.machine, parts), log, approach, override)
+        )
+
+    def _start_feed(
+        self, source: Source, log: Path | None, approach: bool, override: float
+    ) -> RunHandle:
+        """Begin a run of what a source has."""
+        feed = PartFeed(source, self._numbers)
         with ExitStack() as failed:
             failed.callback(feed.close)
             plan, run_log = self._do(lambda: self._get_program_ready(feed, log, approach, override))
@@ -431,7 +473,7 @@ class Robot:
         return handle
 
     def _get_program_ready(
-        self, feed: ProgramFeed, log: Path | None, approach: bool, override: float
+        self, feed: PartFeed, log: Path | None, approach: bool, override: float
     ) -> tuple[RunPlan, RunLog | None]:
         """Wait for the first part of a program, and hand it over."""
         part = feed.first()
@@ -440,7 +482,8 @@ class Robot:
         chain = self._load_after(way, part.prepared)
         run_log = None
         if log is not None:
-            run_log = RunLog(log, self.machine, whole, way, self.bus, number=chain[-1].number)
+            number = chain[-1].number
+            run_log = RunLog(log, self.machine, part.document, way, self.bus, number=number)
         drives = self.machine.drives
         return RunPlan(chain, override, drives, part.limit_use, feed, part.paths), run_log
 

@@ -2,7 +2,7 @@
 
 Two threads do this, and nobody waits for them but whoever asks for the first part. One asks the
 user's iterable for the next path when the planner wants one. The other takes parts from the planner
-and hands them to the streamer, a few ahead of the one that moves.
+(or from a log) and hands them to the streamer, a few ahead of the one that moves.
 """
 
 from __future__ import annotations
@@ -12,20 +12,40 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from duoglide.control.channel.orders import Command, pack_object, receive_object
-from duoglide.control.host.run.parts import PlannedPart, ProgramOrder
+from duoglide.control.host.run.parts import PlannedPart, ProgramOrder, prepare_parts
 from duoglide.errors import DuoglideError, InputError
 from duoglide.motion.path.path import Path
 
 if TYPE_CHECKING:
     from duoglide.control.channel.setpoints import PreparedSetpoints
+    from duoglide.machine import Machine
+    from duoglide.planning.trajectory import Trajectory
 
 LOOK_AHEAD = 5  # parts that the streamer has beyond the one that moves
+
+
+class Source(Protocol):
+    """Where the parts of a program come from: the planner's process, or a log.
+
+    Attributes:
+        failure: Why they have ended before their end; None: they have not.
+    """
+
+    failure: DuoglideError | None
+
+    def take(self) -> PlannedPart | None:
+        """Wait for the next part; None where there is none, and ``failure`` says why."""
+        ...
+
+    def close(self) -> None:
+        """End whatever makes parts."""
+        ...
 
 
 class Taker(Protocol):
@@ -40,24 +60,22 @@ class Taker(Protocol):
         ...
 
 
-class ProgramFeed:
+class PlannerProcess:
     """Has a program planned in a process of its own; a resource: ``close`` it.
 
     Args:
         order: How it is planned.
         paths: Any iterable of paths, without an end perhaps; asked from a thread of its own, a few
             paths ahead of the motion.
-        numbers: Of setpoints: the next ones that are handed over get the next number.
 
     Attributes:
-        failure: Why the program has ended before its end; None: it has not.
-        planned: Parts that have been planned.
+        failure: See ``Source``.
 
     Raises:
         InputError: It cannot be iterated.
     """
 
-    def __init__(self, order: ProgramOrder, paths: Iterable[Path], numbers: Iterator[int]) -> None:
+    def __init__(self, order: ProgramOrder, paths: Iterable[Path]) -> None:
         if isinstance(paths, Path):
             paths = (paths,)
         try:
@@ -65,12 +83,8 @@ class ProgramFeed:
         except TypeError:
             raise InputError(f"paths must be an iterable of Path, got {paths!r:.80}") from None
         self.failure: DuoglideError | None = None
-        self.planned, self._numbers = 0, numbers
-        self._room = threading.Condition()
-        self._ahead: deque[int] = deque()  # numbers of the setpoints that wait for their turn
-        self._newest = 0
-        self._closed = False
         self._source_failure: DuoglideError | None = None
+        self._closed = False
         self._parts, parts = socket.socketpair()
         self._paths, asked = socket.socketpair()
         theirs = (parts.fileno(), asked.fileno())
@@ -83,18 +97,12 @@ class ProgramFeed:
             parts.close()
             asked.close()
         self._parts.sendall(pack_object(order))
-        self._begin(self._answer, "duoglide-paths")
-
-    @staticmethod
-    def _begin(work: Callable[[], None], name: str) -> None:
-        threading.Thread(target=work, name=name, daemon=True).start()
+        threading.Thread(target=self._answer, name="duoglide-paths", daemon=True).start()
 
     @property
     def pid(self) -> int:
-        """Process number of the planner."""
+        """Its process number."""
         return self._process.pid
-
-    # Paths
 
     def _answer(self) -> None:
         """Give the planner a path whenever it asks for one."""
@@ -125,8 +133,6 @@ class ProgramFeed:
         self._source_failure = InputError(f"a program is made of dg.Path, got {path!r:.80}")
         return None
 
-    # Parts
-
     def take(self) -> PlannedPart | None:
         """Wait for the next part; None where the program ends, and ``failure`` says why."""
         try:
@@ -137,10 +143,68 @@ class ProgramFeed:
                 self.failure = DuoglideError(f"the planning process has ended (exit code {code})")
             return None
         if isinstance(part, PlannedPart):
-            self.planned += 1
             return part
         self.failure = part if isinstance(part, DuoglideError) else self._source_failure
         return None
+
+    def close(self) -> None:
+        """End the process; a path that is being made is waited for by nobody."""
+        self._closed = True
+        self._process.kill()
+        self._process.wait()
+        for end in (self._parts, self._paths):
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)  # whoever waits there wakes up
+            end.close()
+
+
+class KnownParts:
+    """Parts of a program that have been planned before.
+
+    Args:
+        machine: That they are certified for.
+        parts: Each takes over where the one before ends; the last one ends at rest.
+
+    Attributes:
+        failure: See ``Source``.
+    """
+
+    def __init__(self, machine: Machine, parts: Sequence[Trajectory]) -> None:
+        self.failure: DuoglideError | None = None
+        self._parts = prepare_parts(machine, parts)
+
+    def take(self) -> PlannedPart | None:
+        """Return the next part; None where there is none."""
+        try:
+            return next(self._parts, None)
+        except DuoglideError as error:
+            self.failure = error
+            return None
+
+    def close(self) -> None:
+        """There is nothing to end."""
+
+
+class PartFeed:
+    """Hands the parts of a program over in time; a resource: ``close`` it.
+
+    Args:
+        source: Where they come from.
+        numbers: Of setpoints: the next ones that are handed over get the next number.
+    """
+
+    def __init__(self, source: Source, numbers: Iterator[int]) -> None:
+        self._source, self._numbers = source, numbers
+        self._room = threading.Condition()
+        self._ahead: deque[int] = deque()  # numbers of the setpoints that wait for their turn
+        self._newest = 0
+        self._closed = False
+        self._failure: DuoglideError | None = None
+
+    @property
+    def failure(self) -> DuoglideError | None:
+        """Why the program has ended before its end; None: it has not."""
+        return self._failure or self._source.failure
 
     def first(self) -> PlannedPart:
         """Wait for the first part.
@@ -149,7 +213,7 @@ class ProgramFeed:
             InputError: There is no path.
             DuoglideError: It cannot be planned.
         """
-        part = self.take()
+        part = self._source.take()
         if part is None:
             raise self.failure or InputError("the program has no path")
         return part
@@ -163,11 +227,14 @@ class ProgramFeed:
             tell: Called with the number of each part, before it is handed over.
         """
         self._newest = newest
-        self._begin(lambda: self._hand_over(taker, tell), "duoglide-feed")
+        work = threading.Thread(
+            target=self._hand_over, args=(taker, tell), name="duoglide-feed", daemon=True
+        )
+        work.start()
 
     def _hand_over(self, taker: Taker, tell: Callable[[int, PlannedPart], None]) -> None:
         try:
-            while (part := self.take()) is not None:
+            while (part := self._source.take()) is not None:
                 if not self._wait_for_room():
                     return
                 number = next(self._numbers)
@@ -176,7 +243,7 @@ class ProgramFeed:
                 taker.load(replace(part.prepared, number=number, after=self._newest))
                 self._newest = number
         except DuoglideError as error:
-            self.failure = error
+            self._failure = error
         if not self._closed:
             with suppress(DuoglideError):  # a streamer that is gone has stopped all
                 taker.order(Command.END, self._newest)
@@ -195,13 +262,8 @@ class ProgramFeed:
             self._room.notify_all()
 
     def close(self) -> None:
-        """End the process and the threads; a path that is being made is waited for by nobody."""
+        """Hand nothing over any more, and end what makes the parts."""
         with self._room:
             self._closed = True
             self._room.notify_all()
-        self._process.kill()
-        self._process.wait()
-        for end in (self._parts, self._paths):
-            with suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)  # whoever waits there wakes up
-            end.close()
+        self._source.close()

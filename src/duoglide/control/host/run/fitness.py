@@ -12,13 +12,17 @@ from duoglide.kinematics.model import inverse
 from duoglide.machine import Machine
 from duoglide.motion.path.actions import Dwell, SetOutput
 from duoglide.planning.limit_use import require_limits
+from duoglide.planning.stops.certificate import stop_bounds_until
 from duoglide.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from duoglide.arrays import FloatArray
     from duoglide.control.channel.scale import Triple
 
 _SAMPLES = 200
+_JOINED = (1e-6, 1e-3, 1.0)  # between two parts [mm], [mm/s], [mm/s^2]
 _SAME = 1e-6  # [mm] between the trajectory's carriages and those of this machine
 
 
@@ -94,6 +98,52 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> tuple[Trajectory, L
     _require_geometry(machine, trajectory)
     fit, uses = trajectory.certified_for(machine)
     return fit, _limit_use(uses)
+
+
+def require_chain(parts: Sequence[Trajectory], machine: Machine) -> list[Trajectory]:
+    """Certify the parts of a program for a machine again, from their curves and profiles alone.
+
+    Raises:
+        PathError: What ``require_fit`` raises of a part; or one does not go on from where, and as
+            fast as, the one before ends.
+        LimitError: It asks for more than a limit of this machine.
+        ConfigError: It is for another geometry.
+    """
+    fit: list[Trajectory] = []
+    for number, part in enumerate(parts, start=1):
+        whole = part.whole or part
+        _require_geometry(machine, whole)
+        certified, _ = whole.certified_for(machine)
+        _require_joined(number, fit[-1] if fit else None, certified)
+        if part.whole is not None:
+            knot = len(part.profile.knots) - 1
+            certified = certified.until(knot, stop_bounds_until(certified, part.duration))
+        fit.append(certified)
+    if not fit[-1].ends_at_rest:
+        _require_rests(fit[-1])
+    return fit
+
+
+def _require_joined(number: int, before: Trajectory | None, after: Trajectory) -> None:
+    """Refuse a part that does not begin in the state in which the one before ends."""
+    begins = after.at(0.0)
+    if before is None:
+        apart = [np.zeros(1), begins.velocity, begins.acceleration]
+    else:
+        ends = before.at(before.duration)
+        apart = [
+            ends.carriages - begins.carriages,
+            ends.velocity - begins.velocity,
+            ends.acceleration - begins.acceleration,
+        ]
+    for unit, gap, allowed in zip(("mm", "mm/s", "mm/s^2"), apart, _JOINED, strict=True):
+        if (amount := float(np.abs(gap).max())) > allowed:
+            raise PathError(
+                f"part {number} of the program does not go on as the one before ends: a carriage is"
+                f" {amount:.4g} {unit} off",
+                quantity="start",
+                amount=amount,
+            )
 
 
 def sample_limit_use(part: Trajectory) -> LimitUse:

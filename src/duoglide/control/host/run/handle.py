@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from duoglide.control.channel.setpoints import PreparedSetpoints
     from duoglide.control.host.monitor import Monitor
     from duoglide.control.host.process import StreamerProcess
-    from duoglide.control.host.run.feed import ProgramFeed
+    from duoglide.control.host.run.feed import PartFeed
     from duoglide.control.host.run.fitness import LimitUse
     from duoglide.control.host.run.parts import PlannedPart
     from duoglide.control.host.run.run_log import RunLog
@@ -76,7 +76,7 @@ class RunPlan:
     override: float
     drives: DriveSettings
     limit_use: LimitUse
-    feed: ProgramFeed | None = None
+    feed: PartFeed | None = None
     paths: int = 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
@@ -15,6 +15,7 @@ from duoglide.planning.programs.planner import plan_program
 if TYPE_CHECKING:
     from duoglide.machine import Machine, Timing
     from duoglide.motion.path.path import Path
+    from duoglide.planning.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +34,7 @@ class PlannedPart:
 
     Attributes:
         prepared: Its setpoints, numbered from 1 in the program.
-        document: Its trajectory to rest, for the log: JSON.
+        document: Its trajectory, for the log: JSON.
         limit_use: How much of the machine's limits it uses.
         paths: How many paths of the program are done at its end.
     """
@@ -51,7 +52,7 @@ def plan_parts(order: ProgramOrder, paths: Iterable[Path]) -> Iterator[PlannedPa
         PathError: What ``plan_program`` raises, after all that comes before it.
         DriveError: It sets outputs of a drive that has none, or waits for inputs of one.
     """
-    fence, before, done = Fence.of(order.machine), None, 0
+    done = 0
 
     def count(paths_done: int, _: float) -> None:
         nonlocal done
@@ -65,10 +66,20 @@ def plan_parts(order: ProgramOrder, paths: Iterable[Path]) -> Iterator[PlannedPa
         tolerance=order.tolerance,
         timing=order.timing,
     )
+    for part in prepare_parts(order.machine, parts):
+        yield replace(part, paths=done)
+
+
+def prepare_parts(machine: Machine, parts: Iterable[Trajectory]) -> Iterator[PlannedPart]:
+    """Prepare the parts of a program, each of which counts as a path.
+
+    Raises:
+        DriveError: One sets outputs of a drive that has none, or waits for inputs of one.
+    """
+    fence, before = Fence.of(machine), None
     for number, part in enumerate(parts, start=1):
-        whole = part.whole or part
-        require_lines(whole, order.machine)
+        require_lines(part.whole or part, machine)
         prepared = prepare_part(part, fence, number, before)
-        document = json.dumps(whole.to_document(), allow_nan=False).encode()
-        yield PlannedPart(prepared, document, sample_limit_use(part), done)
+        document = json.dumps(part.to_document(), allow_nan=False).encode()
+        yield PlannedPart(prepared, document, sample_limit_use(part), number)
         before = part

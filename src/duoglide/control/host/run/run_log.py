@@ -34,10 +34,10 @@ class RunLog:
     Args:
         path: Where to write.
         machine: That runs.
-        trajectory: What it runs; of a program, its first part to rest.
+        plan: What it runs; of a program, its first part: values, or their JSON.
         approach: How it gets to the start first; None where it is there.
         bus: Name of the bus.
-        number: Of the setpoints of ``trajectory``.
+        number: Of the setpoints of ``plan``.
         full: Size from which on the next part begins another file [byte].
 
     Raises:
@@ -49,7 +49,7 @@ class RunLog:
         self,
         path: str | Path,
         machine: Machine,
-        trajectory: Trajectory,
+        plan: object,
         approach: Trajectory | None,
         bus: str,
         *,
@@ -64,7 +64,7 @@ class RunLog:
         self._writer = self._open(self.path)
         self._documents: dict[str, object] = {
             Document.MACHINE: self._machine,
-            Document.TRAJECTORY: trajectory.to_document(),
+            Document.TRAJECTORY: plan,
         }
         if approach is not None:
             self._documents[Document.APPROACH] = approach.to_document()
@@ -91,7 +91,7 @@ class RunLog:
 
         Args:
             number: Of its setpoints.
-            document: Of its trajectory to rest: JSON.
+            document: Of its trajectory: JSON.
         """
         self._parts[number] = document
 
