@@ -7,6 +7,7 @@ object, so that Foxglove, PlotJuggler and ten lines of Python can read it withou
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
@@ -47,10 +48,27 @@ class Document(StrEnum):
     APPROACH = "approach"
     REPORT = "report"
 
-    @classmethod
-    def of_part(cls, part: int) -> str:
-        """Return the name of the plan of a part of a program; its file's first is TRAJECTORY."""
-        return f"{cls.TRAJECTORY}_{part}"
+
+def part_name(part: int) -> str:
+    """Return the name of the plan of a part of a program.
+
+    The first part in a file is its TRAJECTORY; the head says which part that is.
+    """
+    return f"{Document.TRAJECTORY}_{part}"
+
+
+def is_part(name: str) -> bool:
+    """Whether a document is the plan of a part, by ``part_name``."""
+    return _PART.fullmatch(name) is not None
+
+
+def is_document(name: str) -> bool:
+    """Whether an attachment is one of ours."""
+    return name in _DOCUMENTS or is_part(name)
+
+
+_DOCUMENTS = frozenset(Document)
+_PART = re.compile(rf"{Document.TRAJECTORY}_[1-9][0-9]{{0,8}}")
 
 
 class Phase(IntEnum):

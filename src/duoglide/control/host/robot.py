@@ -437,7 +437,20 @@ class Robot:
         approach: bool = False,
         override: float = 1.0,
     ) -> RunReport:
-        """Run the parts of a program that have been planned, as ``plan_program`` yields them.
+        """Run parts that have been planned to their end; see ``start_parts``."""
+        return wait_to_the_end(
+            self.start_parts(parts, log=log, approach=approach, override=override)
+        )
+
+    def start_parts(
+        self,
+        parts: Sequence[Trajectory],
+        *,
+        log: str | Path | None = None,
+        approach: bool = False,
+        override: float = 1.0,
+    ) -> RunHandle:
+        """Begin to run the parts of a program that ``plan_program`` has yielded.
 
         Args:
             parts: For this machine; each takes over where the one before ends, and the last one
@@ -456,9 +469,7 @@ class Robot:
             raise InputError("there is no part to run")
         parts = self._do(lambda: require_chain(parts, self.machine))
         self._require_ready()
-        return wait_to_the_end(
-            self._start_feed(KnownParts(self.machine, parts), log, approach, override)
-        )
+        return self._start_feed(KnownParts(self.machine, parts), log, approach, override)
 
     def _start_feed(
         self, source: Source, log: Path | None, approach: bool, override: float

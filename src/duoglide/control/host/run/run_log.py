@@ -13,7 +13,7 @@ from duoglide.control.host.run.happenings import describe_event
 from duoglide.drives.linear_axis import eds_sha256
 from duoglide.storage import CycleRecord, Document, LogKind, LogWriter, Topic
 from duoglide.storage.paths import as_path
-from duoglide.storage.records import Phase
+from duoglide.storage.records import Phase, part_name
 
 if TYPE_CHECKING:
     from duoglide.control.host.run.report import RunReport
@@ -102,7 +102,7 @@ class RunLog:
             return
         self._part = number - self._first
         if self._writer.size < self._full:
-            self._writer.attach(Document.of_part(self._part), document)
+            self._writer.attach(part_name(self._part), document)
             return
         self._files += 1
         full, self._cycles = self._writer, 0
