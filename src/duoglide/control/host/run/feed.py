@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
@@ -169,7 +169,7 @@ class KnownParts:
         failure: See ``Source``.
     """
 
-    def __init__(self, machine: Machine, parts: Sequence[Trajectory]) -> None:
+    def __init__(self, machine: Machine, parts: Iterable[Trajectory]) -> None:
         self.failure: DuoglideError | None = None
         self._parts = prepare_parts(machine, parts)
 
