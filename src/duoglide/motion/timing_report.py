@@ -53,7 +53,8 @@ class TimingReport:
 
     def without_braking(self) -> TimingReport:
         """Return the report of a motion whose drives' own stops have not been looked at."""
-        return replace(self, brake_safe=False, **dict.fromkeys(_BRAKING, float("nan")))
+        nan = float("nan")
+        return replace(self, brake_safe=False, braking_clearance=nan, braking_carriage_margin=nan)
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> TimingReport:
