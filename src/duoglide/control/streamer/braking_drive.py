@@ -20,7 +20,7 @@ _LAST_OFF = 0.1  # share of its deceleration that may be wrong
 _CREDIBLE = 5.0  # standard deviations, with a reserve of ...
 _RESERVE = 0.5  # ... [mm], beyond which a place is not one of a drive that brakes
 _FEWEST, _LIKE = 3, 0.6  # places, and [mm] by which each may be off, that show that one brakes
-_HARDER = (1.0, 4.0, 16.0)  # times its deceleration: one whose carriage is held stands at once
+_HARDER = (1.0, 4.0, 16.0, 1e3)  # times its deceleration: one whose carriage is held stands at once
 _LONGEST_AGO = 10  # cycles ago that it may have heard its last setpoint ...
 _COASTS = (0.0, 0.5, 1.0, 2.0)  # ... and cycles for which it may then have gone on
 
@@ -113,7 +113,7 @@ class BrakingDrive:
         if found is None:
             return None
         d, place, velocity = found
-        drive = cls(place, 0.0, d, trailing)
+        drive = cls(place, 0.0, d if velocity else deceleration, trailing)
         drive.velocity, drive._age = velocity, _SETTLING
         drive._pp, drive._vv = _LIKE**2, (_SPREAD * d) ** 2 if velocity else 0.0
         return drive
