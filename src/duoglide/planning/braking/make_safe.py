@@ -102,6 +102,7 @@ def make_brake_safe(
         brake_safe=True,
         duration_before_braking=cost,
         braking_clearance=report.clearance,
+        braking_carriage_margin=report.carriage_margin,
     )
     return Motion(motion.path, motion.profile, report=told)
 
