@@ -34,7 +34,7 @@ def draw_section(axes: Axes, machine: Machine, around: ArrayLike) -> None:
     """
     seeds = np.asarray(around, dtype=np.float64).reshape(-1, 3)
     x, z, room = _field(machine, seeds)
-    drawn = axes.contourf(x, z, room, levels=_levels(room), cmap="Greens", antialiased=False)
+    drawn = axes.contourf(x, z, room, levels=_levels(room), cmap="Greys", antialiased=False)
     axes.figure.colorbar(drawn, ax=axes, label="clearance [mm]", shrink=0.85, pad=0.02)
     _hatch(axes, machine, (x, z, room))
     for line in with_walls([line for _, line in section(machine.geometry).outline()]):
