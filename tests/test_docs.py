@@ -46,11 +46,14 @@ def test_every_command_is_one_that_the_command_line_takes(page: Path) -> None:
             group.commands[verb].make_context(verb, words)  # type: ignore[attr-defined]
 
 
-def test_the_machine_file_that_is_shown_is_one(tmp_path: Path) -> None:
-    (shown,) = blocks(ROOT / "docs" / "howto" / "machine.md", "toml")
-    file = tmp_path / "cell.toml"
-    file.write_text(shown, "utf-8")
-    machine = dg.Machine.load(file)
+def test_the_machine_files_that_are_shown_are_some(tmp_path: Path) -> None:
+    machines = []
+    for shown in blocks(ROOT / "docs" / "howto" / "machine.md", "toml"):
+        file = tmp_path / "cell.toml"
+        file.write_text(shown, "utf-8")
+        machines.append(dg.Machine.load(file))
+    machine, weighed = machines
+    assert weighed.masses.drive == (0.15, 0.15, 0.15)
     assert machine.keep_out[0].name == "feeder"
     assert machine.drives.quirks[2].setpoint_timer is False
 

@@ -132,13 +132,15 @@ def log(
 def _draw(opened: Log, picture: Path) -> None:
     """Draw a plan, or a run with what it was meant to be."""
     from duoglide.drawing.picture import save
-    from duoglide.playback.rebuild import plan_of
+    from duoglide.playback.rebuild import plan_of, plans_of
     from duoglide.playback.run_data import read_run
     from duoglide.storage import LogKind
     from duoglide.viewer.run_picture import plot_run
 
-    plan = plan_of(opened)
-    save(plot_run(read_run(opened), plan) if opened.kind is LogKind.RUN else plan.plot(), picture)
+    if opened.kind is LogKind.RUN:
+        save(plot_run(read_run(opened), plans_of(opened)), picture)
+    else:
+        save(plan_of(opened).plot(), picture)
 
 
 Writer = tuple[str, Path, Callable[["Log", Path], int]]
