@@ -9,6 +9,7 @@ from duoglide.motion.path.carriage import map_to_carriages
 from duoglide.motion.path.path import Path
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.check.check import check_rounded, require_noun
+from duoglide.planning.force_limits import require_brakes
 from duoglide.planning.rounding.choice import choose_blends
 from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.timing.span import Effort
@@ -43,7 +44,9 @@ def plan(
 
     Raises:
         InputError: No machine, no path, or no such timing.
-        PathError: The machine cannot follow the path; says where and by how much.
+        PathError: The machine cannot follow the path, or not hold a pose of it within the force
+            limits; says where and by how much.
+        LimitError: Drives that brake by themselves have not the force for it.
     """
     require_noun(machine, Machine)
     require_noun(path, Path)
@@ -58,4 +61,5 @@ def plan(
             return time_path(carriages, effort, sigma_cap=SigmaCap(sigma, cap))
 
         motion = make_brake_safe(motion, retimed)
+        require_brakes(motion)
     return Trajectory.of(motion, certify_stops(motion))
