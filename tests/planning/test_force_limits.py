@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf, sqrt
 from typing import Any
@@ -97,10 +98,9 @@ def test_more_force_never_takes_longer_and_enough_of_it_changes_nothing() -> Non
 
 def test_a_pose_that_cannot_be_held_is_refused_with_the_force_that_would_do() -> None:
     machine = limited(force=6.0)
-    for asked in (
-        lambda: quick(machine),
-        lambda: dg.transfer(machine, (-41.0, -100.0, 295.0), (-41.0, 100.0, 295.0)),
-    ):
+    ends = (-41.0, -100.0, 295.0), (-41.0, 100.0, 295.0)
+    ways: list[Callable[[], Any]] = [lambda: quick(machine), lambda: dg.transfer(machine, *ends)]
+    for asked in ways:
         with pytest.raises(
             dg.PathError, match=r"needs 7\.\d+ N to hold .* limits\.force is 6 N"
         ) as found:
@@ -125,7 +125,7 @@ def test_drives_without_the_force_to_brake_as_told_are_named() -> None:
     machine = limited(force=35.0)
     with pytest.raises(dg.LimitError, match=r"carriage \d would need .* N to brake by itself"):
         dg.plan(machine, PICK)
-    gentle = replace(machine, drives=dg.DriveSettings(quick_stop_deceleration=12e3))
+    gentle = replace(machine, drives=dg.DriveSettings(quick_stop_deceleration=(12e3,) * 3))
     plan = dg.plan(gentle, PICK)
     assert plan.report.brake_safe
     heavy = replace(gentle, masses=replace(MASSES, payload=0.9))

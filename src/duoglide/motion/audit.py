@@ -233,9 +233,9 @@ def _by_differences(motion: Motion, step: float) -> Findings:
     uses = _measure_uses(motion.at(grid).carriages, step, limits)
     size = len(uses[2])
     times = np.asarray(grid[:size] + 1.5 * step, dtype=np.float64)
-    uses = *uses, _force_uses(motion, times)
-    worst = np.array([use.max(axis=0, initial=0.0) for use in uses])
-    every = np.concatenate([use[:size] for use in uses], axis=-1)
+    four = *uses, _force_uses(motion, times)
+    worst = np.array([use.max(axis=0, initial=0.0) for use in four])
+    every = np.concatenate([use[:size] for use in four], axis=-1)
     return worst, times, every.max(axis=-1), every.argmax(axis=-1)
 
 

@@ -250,7 +250,7 @@ def _split(motion: Motion, times: FloatArray) -> _Parts:
     return _Parts(
         held=held,
         moved=carriage_forces(bare, position, velocity, acceleration) - held,
-        viscous=masses.viscous_friction * motion.at(times).velocity,
+        viscous=np.array(masses.viscous_friction) * motion.at(times).velocity,
         dry=np.array(masses.coulomb_friction),
         by_pace=carriage_forces(bare, position, none, velocity) - held,
     )

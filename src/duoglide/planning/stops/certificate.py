@@ -182,7 +182,8 @@ def _bound_forces(motion: Motion, cells: int, part: slice) -> FloatArray:
     times, _ = _sample_cells(motion, cells, part)
     signed = share_forces(motion, np.clip(times, 0.0, motion.duration))
     peaks = _gather(np.maximum(signed[:, :, 1:], signed[:, :, :-1]))
-    return np.maximum(np.concatenate([peaks, np.zeros_like(peaks[:, :1])], axis=1), 0.0)
+    whole_peaks = np.concatenate([peaks, np.zeros_like(peaks[:, :1])], axis=1)
+    return whole_peaks.clip(0.0)
 
 
 def _sample_cells(motion: Motion, cells: int, part: slice) -> tuple[FloatArray, float]:

@@ -259,8 +259,8 @@ class _Limits(LinearConstraint):  # type: ignore[misc]  # toppra has no types
         converted: tuple[FloatArray | None, ...] = canlinear_colloc_to_interpolate(
             *terms[:5], bounds, None, gridpoints, identical=True
         )
-        a, b, c, F, g, xbound, ubound = converted
-        return a, b, c, F, g, ubound, xbound
+        *rows_of, xbound, ubound = converted
+        return *rows_of, ubound, xbound
 
 
 class _Line:
