@@ -17,8 +17,8 @@ from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError, PathError
 from duoglide.kinematics.dynamics.dynamics import carriage_forces
 from duoglide.machine import Machine
-from duoglide.motion.forces import forward_rates, motion_forces, platform_state
-from duoglide.motion.motion import Motion
+from duoglide.motion.forces import forward_rates, motion_forces
+from duoglide.motion.motion import Motion, State
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.segments import show
 from duoglide.motion.path.transfer import TransferPath
@@ -92,7 +92,7 @@ def slow_to_force(motion: Motion) -> Motion:
     if not limits_force(motion.machine):
         return motion
     require_hold(motion.path)
-    parts = _split(motion, _times(motion))
+    parts = _split(motion.machine, motion.at(_times(motion)))
     worst = 0.0
     for sign in (1.0, -1.0):
         room = motion.machine.limits.force - sign * parts.held - parts.dry
@@ -103,22 +103,22 @@ def slow_to_force(motion: Motion) -> Motion:
     return replace(motion, profile=motion.profile.stretch(worst**0.5 * (1.0 + _ROUNDING)))
 
 
-def share_forces(motion: Motion, times: FloatArray) -> FloatArray:
+def share_forces(machine: Machine, states: State) -> FloatArray:
     """Return what a change of the pace asks of ``stop_limits.force``, in both directions.
 
     A pace that falls or rises by 1 within a second accelerates the platform by its velocity; a pace
     below 1 takes no more than the plan of all else.
 
     Args:
-        motion: To be slowed down while it runs.
-        times: [s], (n,).
+        machine: Whose stop limits hold.
+        states: Of a motion that may be slowed down while it runs, (n,) times.
 
     Returns:
         Along +y, then along -y: force for a change of the pace by 1 within a second, and that of
         the motion's own inertia; each as a share of what weight and friction leave, (2, 2, n, 3).
     """
-    parts = _split(motion, times)
-    limit, taken = motion.machine.stop_limits.force, parts.dry + np.abs(parts.viscous)
+    parts = _split(machine, states)
+    limit, taken = machine.stop_limits.force, parts.dry + np.abs(parts.viscous)
     both = np.stack([parts.by_pace, parts.moved])
     room = (np.maximum(limit - sign * parts.held - taken, LEFT * limit) for sign in (1.0, -1.0))
     return np.stack([sign * both / left for sign, left in zip((1.0, -1.0), room, strict=True)])
@@ -240,17 +240,17 @@ class _Parts(NamedTuple):
     by_pace: FloatArray
 
 
-def _split(motion: Motion, times: FloatArray) -> _Parts:
-    """Split the forces of a motion."""
-    machine, masses = motion.machine, motion.machine.masses
-    none = 0.0, 0.0, 0.0
+def _split(machine: Machine, states: State) -> _Parts:
+    """Split the forces of a motion, (n,) times."""
+    masses, none = machine.masses, (0.0, 0.0, 0.0)
     bare = replace(machine, masses=replace(masses, coulomb_friction=none, viscous_friction=none))
-    position, velocity, acceleration = platform_state(motion, times)
+    rates = states.carriages, states.velocity, states.acceleration
+    position, velocity, acceleration = forward_rates(machine.geometry, *rates)
     held = _weights(machine, position)
     return _Parts(
         held=held,
         moved=carriage_forces(bare, position, velocity, acceleration) - held,
-        viscous=np.array(masses.viscous_friction) * motion.at(times).velocity,
+        viscous=np.array(masses.viscous_friction) * states.velocity,
         dry=np.array(masses.coulomb_friction),
         by_pace=carriage_forces(bare, position, none, velocity) - held,
     )

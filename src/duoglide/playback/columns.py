@@ -67,6 +67,7 @@ def run_columns(data: RunData) -> Columns:
     _add_axes(columns, "statusword", "", data.statusword)
     columns["lateness_us"] = data.lateness
     columns["missing"] = data.missing
+    columns["part"] = data.part
     return columns
 
 

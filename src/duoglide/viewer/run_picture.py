@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import AXES, FloatArray
 from duoglide.drawing.over_time import draw_carriages, draw_curves, draw_limited, finish
 from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
 from duoglide.errors import LogError
@@ -18,12 +20,12 @@ _BEFORE, _AFTER = 5, 20  # cycles of rest that a picture shows
 _MOST = 20_000  # points of a smooth curve, however long the run
 
 
-def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
+def plot_run(data: RunData, plans: Mapping[int, Trajectory]) -> Picture:
     """Draw a run: carriages, their velocities with the limits, tracking error, what is left.
 
     Args:
         data: What was streamed and measured.
-        trajectory: What was meant.
+        plans: What was meant, by the part of a program; part 0 of any other run.
 
     Raises:
         LogError: The run has no cycle on its plan.
@@ -35,8 +37,12 @@ def plot_run(data: RunData, trajectory: Trajectory) -> Picture:
     shown, some = slice(first, last), slice(first, last, (last - first) // _MOST + 1)
     times = data.time - data.time[moving[0]]
     rate = np.where(data.on_plan, data.rate, 0.0)[some, None]
-    velocity = trajectory.at(data.path_time[some]).velocity * rate / 1e3
-    limits = trajectory.machine.limits.velocity / 1e3
+    velocity = np.zeros((len(rate), AXES))
+    for part, plan in plans.items():
+        its = data.part[some] == part
+        whole = plan.whole or plan
+        velocity[its] = whole.at(data.path_time[some][its]).velocity * rate[its] / 1e3
+    limits = data.machine.limits.velocity / 1e3
     measured = data.measured_mm[some]
     with drawn((7.0, 7.4)) as figure:
         rows = figure.subplots(4, 1, sharex=True)
