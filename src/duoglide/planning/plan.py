@@ -9,7 +9,6 @@ from duoglide.motion.path.carriage import map_to_carriages
 from duoglide.motion.path.path import Path
 from duoglide.planning.braking.make_safe import make_brake_safe
 from duoglide.planning.check.check import check_rounded, require_noun
-from duoglide.planning.force_limits import require_brakes
 from duoglide.planning.rounding.choice import choose_blends
 from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.timing.span import Effort
@@ -61,5 +60,4 @@ def plan(
             return time_path(carriages, effort, sigma_cap=SigmaCap(sigma, cap))
 
         motion = make_brake_safe(motion, retimed)
-        require_brakes(motion)
     return Trajectory.of(motion, certify_stops(motion))
