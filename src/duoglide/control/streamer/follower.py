@@ -152,7 +152,8 @@ class Follower:
         else:
             u, self.rate = self.led.step()
         stretch = self._stretch
-        if u >= stretch.end:
+        ended = self.led is None and self._clock.state is ClockState.FINISHED
+        if u >= stretch.end or ended:  # the clock counts from before the start, and rounds
             u = stretch.end
             if stretch.wait is not None:
                 self._waiting, self.rate = True, 0.0
