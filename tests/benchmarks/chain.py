@@ -118,6 +118,10 @@ def tell(name: str, report: dg.RunReport, file: Path) -> int:
         f" {program.waited:.2f} s; {report.skipped} cycles left out, {report.lost} frames lost;"
         f" late median {late.median:.0f}, 99.9 % {late.p999:.0f}, worst {late.worst:.0f} us"
     )
+    for words in (*(fault.words for fault in report.faults), *report.remarks):
+        print(f"  {words}")
+    for _, event in list(report.events)[-6:]:
+        print(f"  event: {event.text}")
     size = sum(each.stat().st_size for each in files) / 1e6
     print(
         f"  cycles at rest between two parts: median {np.median(still):.0f}, worst {max(still)};"

@@ -240,7 +240,8 @@ class PartFeed:
                 number = next(self._numbers)
                 tell(number, part)
                 self._ahead.append(number)
-                taker.load(replace(part.prepared, number=number, after=self._newest))
+                after = part.after or self._newest
+                taker.load(replace(part.prepared, number=number, after=after))
                 self._newest = number
         except DuoglideError as error:
             self._failure = error
