@@ -53,5 +53,8 @@ class HostByHand:
     def put_event(self, entry: EventEntry) -> None:
         self.events.append(entry)
 
+    def end_deaf_host(self) -> None:
+        pass
+
     def close(self) -> None:
         pass

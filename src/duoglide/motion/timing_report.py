@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
+from duoglide.errors import printable
+
 
 class TimingMethod(StrEnum):
     """Which stage made the profile."""
@@ -52,6 +54,7 @@ class TimingReport:
         """Build the report that ``to_dict`` described."""
         values = dict(document)
         values["method"] = TimingMethod(values["method"])
+        values["reason"] = printable(values["reason"])  # it is shown to people, as an audit
         if values["braking_clearance"] is None:
             values["braking_clearance"] = float("nan")
         return cls(**values)

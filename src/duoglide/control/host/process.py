@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from duoglide.control.channel.orders import ORDER, Command, pack_object, receive_object
 from duoglide.control.channel.ring import Ring
+from duoglide.control.host.interrupt import EndingWatch
 from duoglide.errors import BusError, DuoglideError
 
 if TYPE_CHECKING:
@@ -35,6 +36,11 @@ class StreamerProcess:
     Args:
         assignment: Which bus, which machine.
 
+    Attributes:
+        ring: Where its records are.
+        endings: Hears signals that mean the end; the streamer looks there too, where this process
+            cannot any more.
+
     Raises:
         BusError: It could not start, or could not open the bus.
     """
@@ -45,7 +51,8 @@ class StreamerProcess:
         self._ordering, self._loading = threading.Lock(), threading.Lock()
         self._orders, orders = socket.socketpair()
         self._bulk, bulk = socket.socketpair()
-        theirs = (descriptor, orders.fileno(), bulk.fileno())
+        self.endings = EndingWatch()
+        theirs = (descriptor, orders.fileno(), bulk.fileno(), self.endings.fileno())
         command = [sys.executable, "-P", "-m", "duoglide.control.streamer", *map(str, theirs)]
         try:
             # A session of its own: Ctrl-C and Ctrl-Z in the terminal are for the host alone.
@@ -110,6 +117,7 @@ class StreamerProcess:
         self._process.wait()
         self._orders.close()
         self._bulk.close()
+        self.endings.close()
         self.ring.close()
 
     def _hand_over(self, thing: object, patience: float) -> None:

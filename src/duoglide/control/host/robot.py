@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from duoglide.control.channel.events import Trip
+    from duoglide.control.host.trace import Trace
     from duoglide.drives.simulation.simulated import SimulatedDrives
     from duoglide.machine import Machine, Timing
     from duoglide.motion.path.path import Path as MotionPath
@@ -211,6 +212,11 @@ class Robot:
         """
         self._drives.require_homed()
         return forward(self.machine.geometry, self.carriages)
+
+    @property
+    def trace(self) -> Trace:
+        """What the machine did in the last ten seconds, and what has happened to it."""
+        return self._drives.trace
 
     # Power and reference
 

@@ -69,6 +69,10 @@ class Inbox(Protocol):
         """For how long its threads have been ready to run and were not let, in all [ns]."""
         ...
 
+    def end_deaf_host(self) -> None:
+        """End a host in which nothing goes on any more, if a signal has told it to end."""
+        ...
+
 
 class Outbox(Protocol):
     """Where records go: a ``Ring``, or a list in tests."""
@@ -264,6 +268,9 @@ class Streamer:
                 self._tell_departure(number, trail)
         watch.see_time(self._skipped, self._outbox.signs_of_life)
         seen.host_waits = self._host_waits()
+        silent = seen.host_is_silent(watch.policy) and self._power is not Power.SILENT
+        if silent and not self._cycle % _ASK_EVERY:
+            self._inbox.end_deaf_host()
         seen.moving = self._follower is not None
         seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign
         self.done = self._closing and self._power is Power.OFF

@@ -11,12 +11,13 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined, share
-from duoglide.kinematics.derivatives import carriage_jets, root_jet
+from duoglide.kinematics.derivatives import carriage_jets, root_jet, root_rates
 from duoglide.motion.curve.jets import evaluate_arc, evaluate_polynomial
 from duoglide.motion.profile import quintic
 
 # Called instead of inlined, they would take half as long again.
-share(root_jet, carriage_jets, quintic, evaluate_arc, evaluate_polynomial, inline=True)
+share(root_rates, root_jet, carriage_jets, quintic, inline=True)
+share(evaluate_arc, evaluate_polynomial, inline=True)
 
 
 @inlined
