@@ -28,7 +28,8 @@ from pathlib import Path
 import numpy as np
 
 import duoglide as dg
-from duoglide.control.host.run.feed import KnownParts
+from duoglide.control.host.run.feed import PlannerProcess
+from duoglide.control.host.run.parts import ProgramOrder
 from duoglide.drives import pdo
 from duoglide.drives.bus.buses import open_bus
 from duoglide.storage import Topic, read_log
@@ -165,7 +166,7 @@ def run(options: argparse.Namespace, folder: Path) -> int:
 
         file = folder / "round.mcap"
         robot.move_to(parts[0].position_at(0.0), override=1.0)
-        source = KnownParts(MACHINE, many())
+        source = PlannerProcess(ProgramOrder(MACHINE, planned=True), many())
         handle = robot._start_feed(source, file, approach=True, override=options.override)
         report = handle.wait()
         wrong += tell(f"{rounds * ROUND} moves", report, file)

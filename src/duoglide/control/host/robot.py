@@ -19,7 +19,7 @@ from duoglide.control.host.connection import Connection
 from duoglide.control.host.drivetrain import Drivetrain
 from duoglide.control.host.interrupt import undisturbed
 from duoglide.control.host.run.by_hand import STEP, JogHandle, JogSource
-from duoglide.control.host.run.feed import KnownParts, PartFeed, PlannerProcess, Source
+from duoglide.control.host.run.feed import PartFeed, PlannerProcess, Source
 from duoglide.control.host.run.fitness import (
     LimitUse,
     measure_limit_use,
@@ -477,7 +477,8 @@ class Robot:
             raise InputError("there is no part to run")
         parts = self._do(lambda: require_chain(parts, self.machine))
         self._require_ready()
-        return self._start_feed(KnownParts(self.machine, parts), log, approach, override)
+        order = ProgramOrder(self.machine, planned=True)
+        return self._start_feed(PlannerProcess(order, parts), log, approach, override)
 
     def start_jog(self, velocity: ArrayLike, limits: JogLimits | None = None) -> JogHandle:
         """Begin to move the platform by hand, at a velocity, and return the handle.

@@ -20,12 +20,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ProgramOrder:
-    """How a program is to be planned; see ``plan_program``."""
+    """How a program is to be planned; see ``plan_program``.
+
+    Attributes:
+        machine: The machine.
+        tolerance: See ``plan_program``.
+        brake_safe: See ``plan``.
+        timing: See ``plan``.
+        planned: Whether it is planned already, and comes as trajectories.
+    """
 
     machine: Machine
-    tolerance: float
-    brake_safe: bool
-    timing: Timing | str | None
+    tolerance: float = 0.0
+    brake_safe: bool = True
+    timing: Timing | str | None = None
+    planned: bool = False
 
 
 @dataclass(frozen=True, slots=True)
