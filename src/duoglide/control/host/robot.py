@@ -501,7 +501,8 @@ class Robot:
 
         self._require_ready()
         jog = self._do(lambda: Jog(self.machine, self._drives.held, limits, period=STEP))
-        source = JogSource(self.machine, jog, lambda: self._connection.monitor.latest)
+        monitor = self._connection.monitor
+        source = JogSource(self.machine, jog, lambda: monitor.latest)
         source.aim(velocity)
         return JogHandle(self._start_feed(source, None, approach=False, override=1.0), source)
 
