@@ -24,16 +24,16 @@ import duoglide as dg
 from duoglide.arrays import FloatArray
 from duoglide.motion.curve.curve import Curve
 
-STEPS = (125, 250, 500, 1000)
+STEPS = (125, 250, 500)
 GAIN = 1e-4  # of the duration: what an optimum on twice the steps gains at least, to go on
 LEAST = 6  # steps of a piece
 SAMPLES = 20  # of a step
 SCALE = 100.0  # of the duration, beside which the solver's tolerances are small
 OPTIONS = {
     "print_time": False,
-    "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 300, "tol": 1e-7, "acceptable_iter": 0}
-    | {"mu_init": 1e-2, "bound_push": 1e-3, "bound_frac": 1e-3}
-    | {"slack_bound_push": 1e-3, "slack_bound_frac": 1e-3},
+    "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 150, "tol": 1e-7, "acceptable_iter": 0}
+    | {"mu_init": 1e-2, "bound_push": 1e-4, "bound_frac": 1e-4}
+    | {"slack_bound_push": 1e-4, "slack_bound_frac": 1e-4},
 }
 
 
