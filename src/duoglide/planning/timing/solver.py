@@ -211,9 +211,10 @@ def _solve_near_rows(rows: Rows, goal: Goal, x: FloatArray, tolerance: float) ->
     if interior_point.pick_rows(rows, x, _WINDOWS.close).sum() < _WINDOWS.held * (x.size // 2):
         return False
     near = interior_point.pick_rows(rows, x, _WINDOWS.idle)
-    some = Rows(*(part[near] for part in rows))
+    some = Rows(rows.first[near], rows.factors[near], rows.bounds[near])
     _steps, converged = interior_point.solve(some, goal, x, tolerance)
-    return converged and not interior_point.pick_rows(rows, x, -_WINDOWS.broken).any()
+    broken = interior_point.pick_rows(rows, x, -_WINDOWS.broken)
+    return converged and not broken.any()
 
 
 def _find_ties(x: FloatArray, at_rest: tuple[bool, bool]) -> list[tuple[int, int, float]]:
