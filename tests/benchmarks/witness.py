@@ -29,12 +29,10 @@ GAIN = 1e-4  # of the duration: what an optimum on twice the steps gains at leas
 LEAST = 6  # steps of a piece
 SAMPLES = 20  # of a step
 SCALE = 100.0  # of the duration, beside which the solver's tolerances are small
-OPTIONS = {
-    "print_time": False,
-    "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 150, "tol": 1e-7, "acceptable_iter": 0}
-    | {"mu_init": 1e-2, "bound_push": 1e-4, "bound_frac": 1e-4}
-    | {"slack_bound_push": 1e-4, "slack_bound_frac": 1e-4},
-}
+IPOPT = {"print_level": 0, "sb": "yes", "max_iter": 150, "tol": 1e-7, "acceptable_iter": 0}
+NEAR = {"mu_init": 1e-2, "bound_push": 1e-4, "bound_frac": 1e-4}
+NEAR |= {"slack_bound_push": 1e-4, "slack_bound_frac": 1e-4}
+WAYS = (IPOPT | NEAR, IPOPT)  # from near the solution, else as IPOPT begins by itself
 
 
 Jet: TypeAlias = list[ca.SX]  # a value and three derivatives by sigma
@@ -183,15 +181,18 @@ def solve(pieces: list[Piece], limits: FloatArray, start: Course) -> Course:
     zeros = sum(e.shape[0] for e in equal)
     bound = np.concatenate([np.zeros(zeros), np.ones(g.shape[0] - zeros)])
     problem = {"x": ca.vertcat(*unknowns), "f": SCALE * total, "g": g}
-    solver = ca.nlpsol("witness", "ipopt", problem, OPTIONS)
-    found = solver(
-        x0=np.concatenate(guess),
-        lbx=np.concatenate(low),
-        ubx=np.concatenate(high),
-        lbg=-bound,
-        ubg=bound,
-    )
-    if not solver.stats()["success"]:
+    within_bounds = {
+        "lbx": np.concatenate(low),
+        "ubx": np.concatenate(high),
+        "lbg": -bound,
+        "ubg": bound,
+    }
+    for way in WAYS:
+        solver = ca.nlpsol("witness", "ipopt", problem, {"print_time": False, "ipopt": way})
+        found = solver(x0=np.concatenate(guess), **within_bounds)
+        if solver.stats()["success"]:
+            break
+    else:
         raise ArithmeticError(solver.stats()["return_status"])
     return unpack(np.array(found["x"]).ravel(), [len(j) for j in start.jerks])
 

@@ -24,6 +24,7 @@ from duoglide.motion.path.segments import Line
 from duoglide.motion.rounding.blend import Blend
 from duoglide.motion.rounding.course import Course
 from duoglide.motion.rounding.cut_backs import EXACT
+from duoglide.motion.rounding.round_segments import sort_course
 from duoglide.planning.compare import less
 from duoglide.planning.rounding.deviation import measure_deviation
 from duoglide.planning.timing.span import Rough, estimate
@@ -224,6 +225,7 @@ class _Search:
     def __init__(self, machine: Machine, plain: RoundedPath, corners: list[_Corner]) -> None:
         self._machine = machine
         self._plain = plain
+        self._sorted = sort_course(plain.course)
         self._corners = corners
         self._tried: dict[tuple[float, ...], tuple[float, RoundedPath]] = {}
         self._keys: dict[tuple[float, float], tuple[float, ...]] = {}
@@ -278,7 +280,7 @@ class _Search:
             )
             self._keys[point] = key
             if key not in self._tried:
-                rounded = round_again(self._plain.path, course)
+                rounded = round_again(self._plain.path, course, self._sorted)
                 self._tried[key] = self._estimate_path(rounded), rounded
         return self._tried[self._keys[point]][0]
 
