@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from duoglide.cli.console import say, say_facts, say_json
@@ -13,6 +12,8 @@ from duoglide.cli.options import Json, MachineFile, TimingWord, load_machine
 from duoglide.cli.program import Move, about_a_move, planning
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from duoglide.motion.forces import Demand
 
 _HELP = """\
