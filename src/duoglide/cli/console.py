@@ -17,7 +17,14 @@ from duoglide.errors import printable
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-EXTRAS = {"viser": "view", "mujoco": "mujoco", "sympy": "symbolic", "pyarrow": "parquet"}
+EXTRAS = {
+    "viser": "view",
+    "mujoco": "mujoco",
+    "sympy": "symbolic",
+    "pyarrow": "parquet",
+    "rerun": "rerun",
+    "rosbags": "ros2",
+}
 """Which optional extra brings a module."""
 
 WORTH_TELLING = 1.0  # [s] of work

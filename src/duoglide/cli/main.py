@@ -44,6 +44,7 @@ from duoglide.cli.verbs import (
     view,
     workspace,
 )
+from duoglide.cli.verbs import run as run_verb
 from duoglide.control.host.interrupt import ENDINGS, interrupting
 from duoglide.errors import DuoglideError, DuoglideWarning, printable
 
@@ -87,6 +88,7 @@ for verb in (
     plan,
     check,
     stream,
+    run_verb,
     replay,
     status,
     operate,

@@ -15,6 +15,7 @@ from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.planning.braking.certificate import brake_report
 from duoglide.planning.check.check import check_curve
+from duoglide.planning.force_limits import require_forces
 from duoglide.planning.limit_use import Uses, require_limits
 from duoglide.planning.transfer.certificate import certify as certify_transfer
 
@@ -30,7 +31,9 @@ def certify(machine: Machine, motion: Motion) -> tuple[Motion, Uses]:
         LimitError: It asks for more than a limit of the machine.
     """
     bound = Motion(bind(machine, motion.path), motion.profile, report=motion.report)
-    return bound, require_limits(bound, machine.limits)
+    uses = require_limits(bound, machine.limits)
+    require_forces(bound)
+    return bound, uses
 
 
 def bind(machine: Machine, path: CarriagePath | TransferPath) -> CarriagePath | TransferPath:

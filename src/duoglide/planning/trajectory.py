@@ -9,8 +9,9 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, as_floats
 from duoglide.errors import DuoglideError, InputError, LimitError, LogError
 from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from duoglide.motion.audit import Audit
+    from duoglide.motion.forces import Demand
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -116,6 +118,27 @@ class Trajectory(Motion):
         from duoglide.planning.braking.led import led_stops
 
         return audit(self, led_stops(self))
+
+    def forces(self, t: ArrayLike) -> FloatArray:
+        """Return the forces on the carriages along +y at time ``t`` [N], shape (..., 3).
+
+        Closed form, exact, with ``machine.masses``: see ``dg.carriage_forces``.
+
+        Args:
+            t: Time from the start [s], any shape (...); clamped to both ends.
+
+        Raises:
+            InputError: Not a finite number.
+        """
+        from duoglide.motion.forces import motion_forces
+
+        return motion_forces(self, as_floats(t, "t"))
+
+    def demand(self) -> Demand:
+        """Measure what the motion demands of its drives: forces, power, energy; at 20 kHz."""
+        from duoglide.motion.forces import measure_demand
+
+        return measure_demand(self)
 
     def lower_bound(self) -> float:
         """Return a duration that no motion along this curve can beat [s]: toppra, without jerk.

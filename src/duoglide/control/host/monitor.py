@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
-from duoglide.control.channel.events import RunState
+from duoglide.control.channel.events import Happening, RunState
 from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.ring import CycleEntry, EventEntry
 from duoglide.control.host.interrupt import Ultimatum
@@ -19,6 +19,8 @@ from duoglide.errors import BusError, DuoglideError
 if TYPE_CHECKING:
     from duoglide.control.host.process import StreamerProcess
 
+_COMMON = (Happening.PART, Happening.AWAITED, Happening.OUTPUT, Happening.INPUT)
+"""Events without an end, which nobody waits for: they are handed on, and not kept."""
 _PERIOD = 0.005  # [s] between two looks into the ring
 _SILENCE = 3.0  # [s] without a record after which a streamer that exists counts as hung
 _DEATH_WATCH = 0.1  # [s] between two looks at the process
@@ -211,7 +213,8 @@ class Monitor:
             for witness in self.witnesses:
                 witness.add_cycle(entry)
         else:
-            self._events.append(entry)
+            if entry.kind not in _COMMON:
+                self._events.append(entry)
             for witness in self.witnesses:
                 witness.add_event(entry)
         try:

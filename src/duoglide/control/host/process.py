@@ -48,7 +48,7 @@ class StreamerProcess:
     def __init__(self, assignment: Assignment) -> None:
         descriptor = Ring.allocate()
         self.ring = Ring(descriptor)
-        self._ordering = threading.Lock()
+        self._ordering, self._loading = threading.Lock(), threading.Lock()
         self._orders, orders = socket.socketpair()
         self._bulk, bulk = socket.socketpair()
         self.endings = EndingWatch()
@@ -122,7 +122,10 @@ class StreamerProcess:
 
     def _hand_over(self, thing: object, patience: float) -> None:
         """Send one pickled object and wait until the streamer says that it has it."""
-        data = pack_object(thing)
+        with self._loading:
+            self._exchange(pack_object(thing), patience)
+
+    def _exchange(self, data: bytes, patience: float) -> None:
         patience += len(data) / _SLOWEST
         self._bulk.settimeout(patience)
         try:

@@ -32,7 +32,7 @@ from duoglide.planning.trajectory import Trajectory
 _LOADED_EARLY = (Trajectory, TransferPath)  # an import while cycles run would hold them up
 _ASK_ANYWAY = 8  # cycles after which the socket is asked for its end, announced or not
 _DEAF = 0.7  # [s] after which a host that is silent, and was told to end, is ended
-_KEPT = 3  # prepared setpoints: an approach, its run, and the next one
+_KEPT = 12  # prepared setpoints: what moves, its look-ahead, and what a run ahead of it prepares
 
 
 class SocketInbox:
@@ -55,6 +55,7 @@ class SocketInbox:
         self._rest = b""
         self._ended = False
         self._prepared: dict[int, PreparedSetpoints] = {}
+        self._following: dict[int, PreparedSetpoints] = {}
 
     def orders(self) -> list[Order]:
         """Return the orders that have come."""
@@ -80,6 +81,10 @@ class SocketInbox:
     def prepared(self, number: int) -> PreparedSetpoints | None:
         """Return setpoints that have been handed over."""
         return self._prepared.get(number)
+
+    def following(self, number: int) -> PreparedSetpoints | None:
+        """Return the setpoints that go on from others."""
+        return self._following.get(number)
 
     @property
     def host_gone(self) -> bool:
@@ -110,8 +115,11 @@ class SocketInbox:
     def keep(self, prepared: PreparedSetpoints) -> None:
         """Take setpoints over, and let go of the oldest."""
         self._prepared[prepared.number] = prepared
+        if prepared.after:
+            self._following[prepared.after] = prepared
         if len(self._prepared) > _KEPT:
-            del self._prepared[min(self._prepared)]
+            oldest = self._prepared.pop(min(self._prepared))
+            self._following.pop(oldest.after, None)
 
 
 def receive_setpoints(bulk: socket.socket, inbox: SocketInbox) -> None:

@@ -56,7 +56,7 @@ class Lead:
                 self.lost, self.axis = self.axis, 0
             return
         self.axis = 0
-        stops = follower.prepared.led
+        stops = follower.led_stops
         if stops is None or skipped:
             return
         stopping = [i for i, view in enumerate(views) if _may_brake(view)]
