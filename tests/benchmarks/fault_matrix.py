@@ -607,7 +607,7 @@ def _try(run: Callable[[Path], Row]) -> Row:
             except (dg.DuoglideError, TooBusyError) as error:
                 if attempt == ATTEMPTS - 1:
                     raise
-                print(f"  (begun again: {str(error):.100})", file=sys.stderr, flush=True)
+                print(f"  (begun again: {error!s:.100})", file=sys.stderr, flush=True)
     raise AssertionError
 
 
