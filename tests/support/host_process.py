@@ -20,6 +20,10 @@ import time
 from pathlib import Path
 
 
+class TooBusyError(Exception):
+    """The computer was too busy for a run to come to where it should be disturbed."""
+
+
 class HostProcess:
     """A host that runs a plan; a context manager, entered once the run has come so far.
 
@@ -50,7 +54,7 @@ class HostProcess:
         line = self._process.stdout.readline()
         if not line:
             _, errors = self._process.communicate()
-            raise RuntimeError(f"the host has not come to its run: {errors[-500:]}")
+            raise TooBusyError(f"the host has not come to its run: {errors[-500:]}")
         self.streamer = int(line)
         return self
 

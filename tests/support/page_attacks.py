@@ -235,16 +235,19 @@ def overwrite(target: Target) -> str:
     return "what was there is there"
 
 
+_THEIRS = 3  # [%]: an override that nobody else gives
+
+
 def second_owner(target: Target) -> str:
     """Give orders from a second page: slower, and a click on Resume."""
     override = target.page._machine._override
     with target.visitor(), target.visitor() as send:
         for _ in range(20):
-            send(target.update("Override [%]", 1))
+            send(target.update("Override [%]", _THEIRS))
             send(target.update("Resume", True))
             send({"type": "ShareUrlRequest"})
         time.sleep(0.05)
-        if override.value == 1:
+        if override.value == _THEIRS:
             raise LetInError("the override is the watcher's")
     return "another page gives the orders"
 

@@ -45,14 +45,19 @@ class BrakingDrive:
         velocity: Of its demand, in that cycle [mm/cycle].
         deceleration: What it brakes with [mm/cycle^2].
         trailing: Of its carriage.
+
+    Attributes:
+        place: Of its demand [mm].
+        velocity: Of its demand [mm/cycle].
+        off: How far its feedback was from that, the last time [mm].
     """
 
-    __slots__ = ("_age", "_d", "_pp", "_pv", "_trailing", "_vv", "place", "velocity")
+    __slots__ = ("_age", "_d", "_pp", "_pv", "_trailing", "_vv", "off", "place", "velocity")
 
     def __init__(
         self, place: float, velocity: float, deceleration: float, trailing: Trailing
     ) -> None:
-        self._d, self._trailing, self._age = deceleration, trailing, 0
+        self._d, self._trailing, self._age, self.off = deceleration, trailing, 0, 0.0
         back = _signed(deceleration, velocity)
         self.place, self.velocity = place - 0.5 * _SINCE**2 * back, velocity - _SINCE * back
         self._vv = (_SPREAD * deceleration) ** 2
@@ -137,7 +142,7 @@ class BrakingDrive:
         settled = min(self._age / _SETTLING, 1.0)
         slowing = 0.0 if self.stands else _signed(self._d, self.velocity)
         measured = actual + lag * self.velocity - bend * slowing * settled
-        off = measured - self.place
+        self.off = off = measured - self.place
         noise = _FEEDBACK + _TRANSIENT * bend * self._d * (1.0 if settled < 1.0 else 0.2)
         spread = self._pp + noise * noise
         if abs(off) > _CREDIBLE * spread**0.5 + _RESERVE:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _BRAKING = (State.FAULT_REACTION_ACTIVE, State.QUICK_STOP_ACTIVE)
 _DUE = -3  # of the setpoints that were sent: which was due at the SYNC that was answered
+_GONE = 2.0  # [mm] from where a drive that left its setpoints would be, that it may not be
 _MOST_MISSING = 1  # feedback in a row that is predicted instead
 
 
@@ -31,7 +32,6 @@ class Lead:
 
     def __init__(self) -> None:
         self.axis = self.lost = 0
-        self._departed = False  # it brakes although its state says that it is enabled
 
     def look(
         self,
@@ -55,7 +55,7 @@ class Lead:
             if skipped or not self._goes_on(follower, follower.led, views, trails, sent):
                 self.lost, self.axis = self.axis, 0
             return
-        self.axis, self._departed = 0, False
+        self.axis = 0
         stops = follower.led_stops
         if stops is None or skipped:
             return
@@ -77,26 +77,30 @@ class Lead:
         course = Course(follower.prepared, follower.path_times)
         stop = LedStop(course, stops, index, drive, confirmed, departed=departed)
         if stop.find():
-            follower.led, self.axis, self._departed = stop, index + 1, departed
+            follower.led, self.axis = stop, index + 1
 
     def _goes_on_unheard(
         self, follower: Follower, stop: LedStop, view: AxisView, trail: AxisTrail
     ) -> bool:
-        """Weigh in a cycle of a drive that has left its setpoints, or recognise it once more."""
+        """Weigh in a cycle of a drive that has left its setpoints, or recognise it once more.
+
+        Where it does something else, but not far from there, the others stop as soon as they can:
+        it may have heard its setpoints again, or it is its feedback that is wrong.
+        """
         if not _sees(follower, stop.index, view, stop.drive):
             drive = _recognise(follower, stop.index, trail)
             if drive is None:
-                return False
+                stop.stop_now()
+                return abs(stop.drive.off) < _GONE
             stop.drive = drive
         return stop.find()
 
     def power_of(self, axis: int, power: Power, state: State | None) -> Power:
         """Return what is wanted of a drive's power: one that leads is not brought back up.
 
-        One that has not said that it brakes is told to, so that it goes on with it should it hear
-        again.
+        One that is still enabled gets setpoints like the others, should it hear them again.
         """
-        leads = axis == self.axis and (self._departed or state is not State.OPERATION_ENABLED)
+        leads = axis == self.axis and state is not State.OPERATION_ENABLED
         return Power.QUICK_STOP if leads else power
 
     def _goes_on(

@@ -72,7 +72,7 @@ class LedStop:
         self._goal, self._pace = self._newest, 0.0  # of the drive: path time and change in a cycle
         self._quickest = 0.0
         self.drive, self.confirmed, self.departed = drive, confirmed, departed
-        self.over = False
+        self.over = self._alone = False
 
     def confirm(self, drive: BrakingDrive) -> None:
         """Take it from its state that it brakes, and since when."""
@@ -95,6 +95,7 @@ class LedStop:
         speeds = self._prepared.trajectory.at(u).velocity * cycle
         speed = float(speeds[i])
         forward = velocity / speed if velocity and abs(speed) >= LEAST_STEP else 0.0
+        self._alone = False
         self._goal, self._pace = u, min(max(forward, 0.0), 1.0) * cycle
         self._quickest = cycle**3 * min(
             limit / max(abs(float(speeds[j])), 1e-9)
@@ -102,6 +103,10 @@ class LedStop:
             if j != i
         )
         return True
+
+    def stop_now(self) -> None:
+        """Let the others stop as soon as they can, wherever the drive is."""
+        self._goal, self._pace, self._alone = self._newest, 0.0, True
 
     def _path_time_of(self, place: float) -> float | None:
         """Return the path time at which the drive's carriage is in a place; None for none near."""
@@ -134,5 +139,5 @@ class LedStop:
         step = catch_up(self._goal - self._newest, self._newest - self._before, self._pace, most)
         way = min(step, cycle)
         self._before, self._newest = self._newest, self._newest + way
-        self.over = self.drive.stands and way == 0.0
+        self.over = (self.drive.stands or self._alone) and way == 0.0
         return self._newest, way / cycle
