@@ -39,7 +39,7 @@ FLAGS = [
 ]
 SIZE: Any = {"width": 1400, "height": 1000}
 TYPED = "input:visible:not([type=checkbox])"  # of the fields of a tab
-PATIENCE = 120_000  # [ms]: a browser without a graphics card takes its time on a busy computer
+PATIENCE = 300_000  # [ms]: a browser without a graphics card takes its time on a busy computer
 PATIENT = dg.Machine(  # a browser that draws in software starves everybody else
     drives=dg.DriveSettings(
         late_cycles=250,
