@@ -37,8 +37,9 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 ]
+SIZE: Any = {"width": 1400, "height": 1000}
 TYPED = "input:visible:not([type=checkbox])"  # of the fields of a tab
-PATIENCE = 120_000  # [ms]: a browser without a graphics card takes its time on a busy computer
+PATIENCE = 300_000  # [ms]: a browser without a graphics card takes its time on a busy computer
 PATIENT = dg.Machine(  # a browser that draws in software starves everybody else
     drives=dg.DriveSettings(
         late_cycles=250,
@@ -90,7 +91,7 @@ def standing(**changes: Any) -> Any:
 
 
 def visit(browser: Any, page: Page) -> Any:
-    tab = browser.new_page(viewport={"width": 1400, "height": 1000})
+    tab = browser.new_page(viewport=SIZE)
     tab.set_default_timeout(PATIENCE)
     tab.goto(page.address)
     tab.get_by_role("button", name="Hold").wait_for()
@@ -271,13 +272,25 @@ def test_banner_and_stop_are_in_sight_at_every_size(
     assert stops_by(stopping, tab.locator("#duoglide-stop").click) == 1
 
 
+def test_the_page_is_dark_where_the_browser_is(stopping: tuple[Any, list[float]]) -> None:
+    tab, _ = stopping
+    tab.set_viewport_size({"width": 600, "height": 400})  # quick to draw
+    scheme = "document.documentElement.dataset.mantineColorScheme"
+    for dark in ("dark", "light"):
+        tab.emulate_media(color_scheme=dark)
+        tab.wait_for_function(f"{scheme} == '{dark}'")
+        tab.get_by_role("tab", name="Motion").wait_for()
+        assert tab.title() == "Duoglide"
+    tab.set_viewport_size(SIZE)
+
+
 def test_there_is_no_button_to_share_with_the_public(stopping: Any) -> None:
     tab, _ = stopping
     assert not tab.locator(".tabler-icon-share").count()
 
 
 def test_another_tab_watches_and_takes_over(browser: Any, browser_page: Any) -> None:
-    watcher = browser.new_page(viewport={"width": 1400, "height": 1000})
+    watcher = browser.new_page(viewport=SIZE)
     watcher.set_default_timeout(PATIENCE)
     watcher.goto(browser_page.url)
     watcher.get_by_role("button", name="Take over").wait_for()

@@ -25,7 +25,8 @@ _JOINED = 4  # rows that are put together in a strip, so that a page is sent 250
 _REDRAW = 0.3  # [s] between two pictures of the strips
 _SETTLING = 0.5  # [s] of rest that is shown after a run
 _EVENTS = 300
-_DONE = 4000  # points of the path done, at most
+_DONE = 2000  # points of the path done, at most
+_REDRAW_PATH = 1.0  # [s] between two pictures of it
 _LOUD = ("fault", "emergency", "timeout", "bus", "quick_stop", "lost", "late")
 
 
@@ -47,8 +48,8 @@ class LivePanel:
         self._events: deque[TraceEvent] = deque(maxlen=_EVENTS)
         self._row = self._event = 0  # the newest that has been seen
         self._began = self._rested = 0.0
-        self._drawn, self._stale = 0.0, False
-        self._done: Any = None
+        self._drawn = self._traced = 0.0
+        self._stale = False
         gui = server.gui
         self._words = gui.add_markdown("The strips move while something runs.")
         needed = machine.carriage_margin
@@ -128,7 +129,9 @@ class LivePanel:
         margin.draw(joined, -_worst(-margins[:, None], signed=True))
         lateness.draw(joined, _worst(late[:, None]))
         self._words.content = f"Last **{joined[-1] - joined[0]:.1f} s** of a run."
-        self._draw_path()
+        if self._drawn - self._traced > _REDRAW_PATH:
+            self._traced = self._drawn
+            self._draw_path()
 
     def _draw_path(self) -> None:
         """Draw where the platform has been."""
@@ -136,7 +139,7 @@ class LivePanel:
             return
         places = np.array(self._places) * METRES
         points = np.stack([places[:-1], places[1:]], axis=1)
-        self._done = self._scene.add_line_segments(
+        self._scene.add_line_segments(
             "/done", points=points, colors=(240, 170, 0), thickness=7.0, thickness_units="screen"
         )
 

@@ -62,7 +62,8 @@ def _describe_emergency(event: EventEntry) -> tuple[EventKind, str]:
 
 def _describe_power(event: EventEntry) -> tuple[EventKind, str]:
     reached = ", reached" if event.value else ""
-    return EventKind.NOTE, f"power {Power(event.detail).name.lower()}{reached}"
+    name = Power(event.detail).name.lower().replace("_", " ")
+    return EventKind.NOTE, f"power {name}{reached}"
 
 
 def describe_stop(on_approach: bool, quick: bool, path_time: float) -> str:
