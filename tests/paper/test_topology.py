@@ -250,6 +250,10 @@ REFUSED = {
     "3-RPS": joined("3-RPS", *[[(R, (a,)), (P, (Z,)), (S, ())] for a in AROUND]),
     "3-PRS": joined("3-PRS", *[[(P, (Z,)), (R, (a,)), (S, ())] for a in AROUND]),
     "3-RRS": joined("3-RRS", *[[(R, (a,)), (R, (a,)), (S, ())] for a in AROUND]),
+    "spherical 3-RRR": joined(
+        "spherical 3-RRR",
+        *[[(R, (a,)), (R, ((a[1], 3, a[0]),)), (R, (Z,))] for a in AROUND],
+    ),
     "Bennett": joined(
         "Bennett", [(R, (X,)), (R, ((1, 2, 0),))], [(R, ((1, 2, 3),)), (R, ((4, 0, 1),))]
     ),
