@@ -69,6 +69,11 @@ def test_every_piece_of_python_is_python_with_names_that_exist(page: Path) -> No
                 assert node.value.id != "dg" or node.attr in dg.__all__, f"dg.{node.attr}"
 
 
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.stem)
+def test_no_page_has_marks_of_a_merge(page: Path) -> None:
+    assert not re.findall(r"^(?:<{7}|={7}|>{7})(?: .*)?$", page.read_text("utf-8"), re.M)
+
+
 def messages(folder: Path) -> list[str]:
     """Return every text of a folder's code, with … for what is put in."""
     found = []

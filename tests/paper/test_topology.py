@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -171,3 +172,102 @@ def test_a_joint_with_wrong_axes_is_refused(
 def test_a_mechanism_without_a_platform_is_refused() -> None:
     with pytest.raises(InputError, match="platform"):
         Mechanism("half", (Joint.of(JointKind.REVOLUTE, ("base", "arm"), X),))
+
+
+def limbs(count: int, steps: list[tuple[JointKind, tuple[tuple[int, int, int], ...]]]) -> Mechanism:
+    """Return base and platform joined by ``count`` limbs of the same joints."""
+    joints = []
+    for limb in range(count):
+        names = ["base", *(f"{limb} {k}" for k in range(1, len(steps))), "platform"]
+        joints += [
+            Joint.of(kind, (names[k], names[k + 1]), *axes) for k, (kind, axes) in enumerate(steps)
+        ]
+    return Mechanism("limbs", tuple(joints))
+
+
+@pytest.mark.parametrize("normal", [(1, 1, 1), (0, 0, 1), (1, 2, 4), (1, 5, 25), (3, -7, 11)])
+def test_a_planar_mechanism_is_planar_whatever_its_normal(normal: tuple[int, int, int]) -> None:
+    planar = limbs(3, [(JointKind.REVOLUTE, (normal,))] * 3)
+    found = analyse(planar)
+    assert str(found.poc) == "(t2, r1)"
+    assert found.dof == screw_mobility(planar).dof == 3
+
+
+def test_limbs_of_six_freedoms_leave_all_six_whatever_their_axes() -> None:
+    draw = Random(5)
+    for _ in range(80):
+        axes = [tuple(draw.randint(-5, 5) for _ in range(3)) for _ in range(3)]
+        if Directions.span(*axes).dimension < 3:
+            continue
+        steps = [
+            (JointKind.UNIVERSAL, (axes[0], axes[1])),
+            (JointKind.PRISMATIC, (axes[2],)),
+            (JointKind.SPHERICAL, ()),
+        ]
+        limb = limbs(1, steps)
+        assert str(poc_between(limb.joints, "base", "platform")) == "(t3, r3)", axes
+        hexapod = limbs(6, steps)
+        assert str(poc_between(hexapod.joints, "base", "platform")) == "(t3, r3)", axes
+
+
+def test_a_serial_arm_is_refused_with_what_would_do() -> None:
+    arm = limbs(1, [(JointKind.REVOLUTE, (X,)), (JointKind.REVOLUTE, (Y,))])
+    with pytest.raises(InputError, match=r"no loop.*poc_between"):
+        analyse(arm)
+
+
+def joined(
+    name: str, *chains: list[tuple[JointKind, tuple[tuple[int, int, int], ...]]]
+) -> Mechanism:
+    """Return base and platform joined by these chains."""
+    joints = []
+    for limb, steps in enumerate(chains):
+        names = ["base", *(f"{limb} {k}" for k in range(1, len(steps))), "platform"]
+        joints += [
+            Joint.of(kind, (names[k], names[k + 1]), *axes) for k, (kind, axes) in enumerate(steps)
+        ]
+    return Mechanism(name, tuple(joints))
+
+
+R, P, U, S = JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.UNIVERSAL, JointKind.SPHERICAL
+AROUND = ((5, 1, 0), (-3, 4, 0), (-2, -6, 0))
+KNOWN = {
+    "Sarrus": (joined("Sarrus", [(R, (X,))] * 3, [(R, (Y,))] * 3), "(t1, r0)", 1),
+    "four-bar": (joined("four-bar", [(R, (Z,))] * 2, [(R, (Z,))] * 2), "(t0, r1)", 1),
+    "planar 3-RRR": (joined("planar 3-RRR", *[[(R, (Z,))] * 3] * 3), "(t2, r1)", 3),
+    "planar 4-RRR": (joined("planar 4-RRR", *[[(R, (Z,))] * 3] * 4), "(t2, r1)", 3),
+    "Tricept": (
+        joined(
+            "Tricept",
+            [(U, (X, Y)), (P, (Z,))],
+            *[[(U, (a, Y)), (P, ((a[0], a[1], 7),)), (S, ())] for a in AROUND],
+        ),
+        "(t1, r2)",
+        3,
+    ),
+}
+REFUSED = {
+    "3-RPS": joined("3-RPS", *[[(R, (a,)), (P, (Z,)), (S, ())] for a in AROUND]),
+    "3-PRS": joined("3-PRS", *[[(P, (Z,)), (R, (a,)), (S, ())] for a in AROUND]),
+    "3-RRS": joined("3-RRS", *[[(R, (a,)), (R, (a,)), (S, ())] for a in AROUND]),
+    "spherical 3-RRR": joined(
+        "spherical 3-RRR",
+        *[[(R, (a,)), (R, ((a[1], 3, a[0]),)), (R, (Z,))] for a in AROUND],
+    ),
+    "Bennett": joined(
+        "Bennett", [(R, (X,)), (R, ((1, 2, 0),))], [(R, ((1, 2, 3),)), (R, ((4, 0, 1),))]
+    ),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_mechanisms_have_their_mobility(name: str) -> None:
+    mechanism, poc, dof = KNOWN[name]
+    found = analyse(mechanism)
+    assert (str(found.poc), found.dof) == (poc, dof)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_pairs_of_subspaces_cannot_say_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="cannot represent this mechanism"):
+        analyse(REFUSED[name])

@@ -8,7 +8,7 @@ from enum import Enum
 from fractions import Fraction
 
 from duoglide.errors import InputError
-from duoglide.paper.topology.poc import Poc
+from duoglide.paper.topology.poc import Poc, levers
 from duoglide.paper.topology.subspace import (
     ALL,
     NONE,
@@ -104,7 +104,7 @@ class Joint:
 
 def circular_direction(axis: Vector) -> Vector:
     """Return a representative in general position of the directions perpendicular to ``axis``."""
-    return cross(axis, vector((Fraction(3), Fraction(-7), Fraction(11))))
+    return cross(axis, next(levers()))
 
 
 @dataclass(frozen=True, slots=True)

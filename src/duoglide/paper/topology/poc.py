@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
-from itertools import count
+from random import Random
 
 from duoglide.paper.topology.subspace import NONE, Directions, Vector, cross
 
@@ -59,10 +59,15 @@ class Poc:
 
 
 def levers() -> Iterator[Vector]:
-    """Yield rational vectors of which any three are independent (points of the moment curve)."""
-    for step in count(2):
-        t = Fraction(2 * step + 1, 7)
-        yield Fraction(1), t, t * t
+    """Yield rational vectors in general position, always the same ones.
+
+    Their numbers are large and drawn at random, so that no axis that somebody writes down is
+    perpendicular to one of them, or parallel, by chance; (1, 1, 1) would be to many.
+    """
+    draw = Random(20211)
+    while True:
+        x, y, z = (Fraction(draw.randrange(10**8, 10**9)) for _ in range(3))
+        yield x, y, z
 
 
 def chain_poc(pocs: Iterable[Poc]) -> Poc:
