@@ -28,7 +28,8 @@ from pathlib import Path
 import numpy as np
 
 import duoglide as dg
-from duoglide.control.host.run.feed import KnownParts
+from duoglide.control.host.run.feed import PlannerProcess
+from duoglide.control.host.run.parts import ProgramOrder
 from duoglide.drives import pdo
 from duoglide.drives.bus.buses import open_bus
 from duoglide.storage import Topic, read_log
@@ -118,6 +119,10 @@ def tell(name: str, report: dg.RunReport, file: Path) -> int:
         f" {program.waited:.2f} s; {report.skipped} cycles left out, {report.lost} frames lost;"
         f" late median {late.median:.0f}, 99.9 % {late.p999:.0f}, worst {late.worst:.0f} us"
     )
+    for words in (*(fault.words for fault in report.faults), *report.remarks):
+        print(f"  {words}")
+    for _, event in list(report.events)[-6:]:
+        print(f"  event: {event.text}")
     size = sum(each.stat().st_size for each in files) / 1e6
     print(
         f"  cycles at rest between two parts: median {np.median(still):.0f}, worst {max(still)};"
@@ -161,7 +166,7 @@ def run(options: argparse.Namespace, folder: Path) -> int:
 
         file = folder / "round.mcap"
         robot.move_to(parts[0].position_at(0.0), override=1.0)
-        source = KnownParts(MACHINE, many())
+        source = PlannerProcess(ProgramOrder(MACHINE, planned=True), many())
         handle = robot._start_feed(source, file, approach=True, override=options.override)
         report = handle.wait()
         wrong += tell(f"{rounds * ROUND} moves", report, file)

@@ -17,6 +17,7 @@ from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
 from duoglide.control.host.run.prepare import prepare_part
 from duoglide.control.streamer.follower import Follower
 from duoglide.motion.path.actions import SetOutput
+from duoglide.motion.stop_bounds import StopBounds
 
 CYCLE = 0.002
 COUNT = 12
@@ -197,6 +198,26 @@ def test_what_does_not_lie_on_the_way_is_not_gone_on_with(chain: list[PreparedSe
     walk.follower.following = replace(chain[2], lead_in=chain[0].seam or 0.0)
     walk.go(5)
     assert walk.follower.unjoined and walk.follower.state is RunState.STOPPED
+
+
+def test_a_part_is_gone_along_to_its_end_however_the_sum_with_its_lead_in_is_rounded(
+    chain: list[PreparedSetpoints],
+) -> None:
+    one, other = chain[:2]
+    assert other.pace is not None
+    whole, rounded = other.trajectory.duration, 0
+    for lead_in in np.geomspace(1.0, 500.0, 12).tolist():
+        rounded += (lead_in + whole) - lead_in < whole
+        pace = StopBounds.constant(lead_in + whole, 20.0, 2000.0)
+        walk = Walk([one, replace(other, lead_in=lead_in, pace=pace, seam=None)])
+        walk.follower.last = 0  # not known yet that it is the last one
+        walk.come = 1
+        walk.go(300)
+        walk.come = 2
+        walk.go(1000)
+        assert walk.follower.starved and walk.follower.state is RunState.WAITING
+        assert walk.targets[-1] == other.stretches[-1].grid[-1]
+    assert rounded > 0
 
 
 def test_a_change_of_override_that_is_under_way_passes_a_seam(

@@ -81,6 +81,7 @@ class Audit:
         braking_clearance: The least clearance while every drive brakes by itself, out of any
             instant of the motion: a lower bound, certain between samples too; NaN where that was
             not looked at.
+        braking_carriage_margin: The least carriage margin then, likewise [mm].
         braking_cost: By how much longer the motion takes for that [s].
         stays_on_path: For which share of the duration it is promised, of each drive, that the
             platform stays within 1 mm of its path should that drive fail and brake by itself, shape
@@ -106,6 +107,7 @@ class Audit:
     least_clearance: float
     carriage_margin: float
     braking_clearance: float
+    braking_carriage_margin: float
     braking_cost: float
     stays_on_path: FloatArray
     feed_share: float = 0.0
@@ -164,7 +166,8 @@ class Audit:
             )
             lines.append(
                 f"brake-safe, {cost}: clearance while all drives brake by themselves at least"
-                f" {self.braking_clearance:.3f} mm"
+                f" {self.braking_clearance:.3f} mm, carriage margin"
+                f" {self.braking_carriage_margin:.3f} mm"
             )
         if not np.isnan(self.stays_on_path).any():
             shares = ", ".join(f"{100.0 * share:.0f} %" for share in self.stays_on_path)
@@ -209,6 +212,7 @@ def audit(motion: Motion, led: LedStops | None = None) -> Audit:
         least_clearance=motion.path.least_clearance,
         carriage_margin=motion.path.carriage_margin,
         braking_clearance=report.braking_clearance,
+        braking_carriage_margin=report.braking_carriage_margin,
         braking_cost=max(motion.duration - before, 0.0) if before > 0.0 else 0.0,
         stays_on_path=read_only(np.full(3, np.nan) if led is None else np.array(led.shares)),
         feed_share=_feed_share(motion),

@@ -19,8 +19,6 @@ from duoglide.planning.force_limits import require_forces
 from duoglide.planning.limit_use import Uses, require_limits
 from duoglide.planning.transfer.certificate import certify as certify_transfer
 
-NOT_LOOKED_AT = float("nan")
-
 
 def certify(machine: Machine, motion: Motion) -> tuple[Motion, Uses]:
     """Certify a motion for a machine; its report is left as it is.
@@ -55,9 +53,10 @@ def renew_report(motion: Motion) -> Motion:
     """Return a motion whose report claims to be brake-safe only if that is certain once more."""
     claim = motion.report
     if not claim.brake_safe:
-        report = replace(claim, braking_clearance=NOT_LOOKED_AT)
+        report = claim.without_braking()
+    elif (found := brake_report(motion)).safe:
+        clearance, margin = found.clearance, found.carriage_margin
+        report = replace(claim, braking_clearance=clearance, braking_carriage_margin=margin)
     else:
-        found = brake_report(motion)
-        clearance = found.clearance if found.safe else NOT_LOOKED_AT
-        report = replace(claim, brake_safe=found.safe, braking_clearance=clearance)
+        report = claim.without_braking()
     return Motion(motion.path, motion.profile, report=report)

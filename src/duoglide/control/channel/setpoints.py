@@ -150,6 +150,8 @@ class PreparedSetpoints:
         pace: How the path rate may change, from ``lead_in`` before these begin up to their rest, so
             that a change may begin before the seam and end after it; None: as the trajectory says,
             which begins at rest.
+        passing: Whether others are made where these come too late for their seam; else they are
+            gone on with from the rest that the ones before have come to.
     """
 
     number: int
@@ -163,6 +165,7 @@ class PreparedSetpoints:
     seam: float | None = None
     lead_in: float = 0.0
     pace: StopBounds | None = None
+    passing: bool = False
 
     @property
     def bounds(self) -> StopBounds:

@@ -11,23 +11,33 @@ import socket
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
+from typing import TypeVar
 
 from duoglide.control.channel.orders import pack_object, receive_object
-from duoglide.control.host.run.parts import ProgramOrder, plan_parts
+from duoglide.control.host.run.parts import PlannedPart, ProgramOrder, plan_parts, prepare_parts
 from duoglide.errors import DuoglideError
 from duoglide.motion.path.path import Path
+from duoglide.planning.trajectory import Trajectory
 
+T = TypeVar("T")
 _NICE = 10  # below the streamer, the bus and the host
 
 
-def ask_for_paths(host: socket.socket) -> Iterator[Path]:
-    """Yield the host's paths, one for each time it is asked."""
+def ask_for_paths(host: socket.socket, kind: type[T]) -> Iterator[T]:
+    """Yield the host's paths, or trajectories, one for each time it is asked."""
     while True:
         host.sendall(b"?")
         path = receive_object(host)
-        if not isinstance(path, Path):
+        if not isinstance(path, kind):
             return
         yield path
+
+
+def plan(order: ProgramOrder, paths: socket.socket) -> Iterator[PlannedPart]:
+    """Plan a program part by part, or prepare one that is planned."""
+    if order.planned:
+        return prepare_parts(order.machine, ask_for_paths(paths, Trajectory))
+    return plan_parts(order, ask_for_paths(paths, Path))
 
 
 def main(arguments: list[str]) -> int:
@@ -42,7 +52,7 @@ def main(arguments: list[str]) -> int:
         return 2
     end: DuoglideError | None = None
     try:
-        for part in plan_parts(order, ask_for_paths(paths)):
+        for part in plan(order, paths):
             parts.sendall(pack_object(part))
     except DuoglideError as error:
         end = error

@@ -18,7 +18,8 @@ from duoglide.control.host.background import load_planning
 from duoglide.control.host.connection import Connection
 from duoglide.control.host.drivetrain import Drivetrain
 from duoglide.control.host.interrupt import undisturbed
-from duoglide.control.host.run.feed import KnownParts, PartFeed, PlannerProcess, Source
+from duoglide.control.host.run.by_hand import STEP, JogHandle, JogSource
+from duoglide.control.host.run.feed import PartFeed, PlannerProcess, Source
 from duoglide.control.host.run.fitness import (
     LimitUse,
     measure_limit_use,
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from duoglide.machine import Machine, Timing
     from duoglide.motion.path.path import Path as MotionPath
     from duoglide.planning.trajectory import Trajectory
+    from duoglide.planning.transfer.jog import JogLimits
 
 T = TypeVar("T")
 
@@ -475,7 +477,34 @@ class Robot:
             raise InputError("there is no part to run")
         parts = self._do(lambda: require_chain(parts, self.machine))
         self._require_ready()
-        return self._start_feed(KnownParts(self.machine, parts), log, approach, override)
+        order = ProgramOrder(self.machine, planned=True)
+        return self._start_feed(PlannerProcess(order, parts), log, approach, override)
+
+    def start_jog(self, velocity: ArrayLike, limits: JogLimits | None = None) -> JogHandle:
+        """Begin to move the platform by hand, at a velocity, and return the handle.
+
+        The handle has to be asked again and again, or the platform stops: see ``JogHandle.aim``.
+        Every step is looked at with its way to rest before it is taken; the platform stops before
+        it comes to where it may not be.
+
+        Args:
+            velocity: Of the platform [mm/s], shape (3,).
+            limits: What the platform may do; None: 100 mm/s.
+
+        Raises:
+            InputError: Not three finite numbers, or no velocity at all.
+            NotHomedError: The reference is not known.
+            PathError: The machine stands where it may not, or may not go that way; see ``recover``.
+            DriveError: No power, or a run is in progress.
+        """
+        from duoglide.planning.transfer.jog import Jog
+
+        self._require_ready()
+        jog = self._do(lambda: Jog(self.machine, self._drives.held, limits, period=STEP))
+        monitor = self._connection.monitor
+        source = JogSource(self.machine, jog, lambda: monitor.latest)
+        source.aim(velocity)
+        return JogHandle(self._start_feed(source, None, approach=False, override=1.0), source)
 
     def _start_feed(
         self, source: Source, log: Path | None, approach: bool, override: float

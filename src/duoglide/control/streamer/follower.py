@@ -152,7 +152,8 @@ class Follower:
         else:
             u, self.rate = self.led.step()
         stretch = self._stretch
-        if u >= stretch.end:
+        ended = self.led is None and self._clock.state is ClockState.FINISHED
+        if u >= stretch.end or ended:  # the clock counts from before the start, and rounds
             u = stretch.end
             if stretch.wait is not None:
                 self._waiting, self.rate = True, 0.0
@@ -176,8 +177,8 @@ class Follower:
         if self.path_time < seam and following.pace is not None:
             self._clock.carry_on(following.pace, self._lead_in)
             self._lead_in, self._carried = 0.0, True
-        elif self._clock.rate == 0.0 and self.path_time > seam:  # held on the way to rest
-            self._rejoin(following, seam)
+        elif self._clock.rate == 0.0 and self.path_time > seam and following.lead_in:
+            self._rejoin(following, seam)  # it is held on the way to rest
 
     def _pass_seam(self, u: float) -> float:
         """Go over to the next setpoints if their seam is passed; return the path time there [s]."""
@@ -196,7 +197,7 @@ class Follower:
         following, seam = self.following, self.prepared.seam
         if following is None or self._clock.holding:
             return
-        if seam is not None:
+        if seam is not None and following.lead_in:
             self._rejoin(following, seam)
             return
         self._begin(following)
@@ -206,6 +207,9 @@ class Follower:
 
     def _rejoin(self, following: PreparedSetpoints, seam: float) -> None:
         """Go on with the next setpoints from a rest on the way to rest that replaced them."""
+        if following.passing:
+            self.following = None
+            return
         here = self.prepared.trajectory.profile
         beyond = here.at_time(self.path_time)[0] - here.at_time(seam)[0]
         start = following.trajectory.profile.time_at(beyond)

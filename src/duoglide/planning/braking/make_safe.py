@@ -104,6 +104,7 @@ def make_brake_safe(
         brake_safe=True,
         duration_before_braking=cost,
         braking_clearance=report.clearance,
+        braking_carriage_margin=report.carriage_margin,
     )
     safe = Motion(motion.path, motion.profile, report=told)
     require_brakes(safe)

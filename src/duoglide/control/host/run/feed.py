@@ -18,14 +18,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from duoglide.control.channel.orders import Command, pack_object, receive_object
-from duoglide.control.host.run.parts import PlannedPart, ProgramOrder, prepare_parts
+from duoglide.control.host.run.parts import PlannedPart, ProgramOrder
 from duoglide.errors import DuoglideError, InputError
 from duoglide.motion.path.path import Path
+from duoglide.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from duoglide.control.channel.setpoints import PreparedSetpoints
-    from duoglide.machine import Machine
-    from duoglide.planning.trajectory import Trajectory
 
 LOOK_AHEAD = 5  # parts that the streamer has beyond the one that moves
 
@@ -61,12 +60,12 @@ class Taker(Protocol):
 
 
 class PlannerProcess:
-    """Has a program planned in a process of its own; a resource: ``close`` it.
+    """Has a program planned and prepared in a process of its own; a resource: ``close`` it.
 
     Args:
-        order: How it is planned.
-        paths: Any iterable of paths, without an end perhaps; asked from a thread of its own, a few
-            paths ahead of the motion.
+        order: How it is planned, and whether it is already.
+        paths: Any iterable of paths, or of trajectories that are planned already, without an end
+            perhaps; asked from a thread of its own, a few of them ahead of the motion.
 
     Attributes:
         failure: See ``Source``.
@@ -75,7 +74,7 @@ class PlannerProcess:
         InputError: It cannot be iterated.
     """
 
-    def __init__(self, order: ProgramOrder, paths: Iterable[Path]) -> None:
+    def __init__(self, order: ProgramOrder, paths: Iterable[Path | Trajectory]) -> None:
         if isinstance(paths, Path):
             paths = (paths,)
         try:
@@ -83,6 +82,7 @@ class PlannerProcess:
         except TypeError:
             raise InputError(f"paths must be an iterable of Path, got {paths!r:.80}") from None
         self.failure: DuoglideError | None = None
+        self._kind = Trajectory if order.planned else Path
         self._source_failure: DuoglideError | None = None
         self._closed = False
         self._parts, parts = socket.socketpair()
@@ -115,7 +115,7 @@ class PlannerProcess:
             except OSError:
                 return
 
-    def _next_path(self) -> Path | None:
+    def _next_path(self) -> Path | Trajectory | None:
         """Return the next path of the user's iterable; None where it ends, or fails."""
         try:
             path: object = next(self._source, None)
@@ -128,9 +128,10 @@ class PlannerProcess:
             )
             self._source_failure.__cause__ = error
             return None
-        if path is None or isinstance(path, Path):
+        if path is None or isinstance(path, self._kind):
             return path
-        self._source_failure = InputError(f"a program is made of dg.Path, got {path!r:.80}")
+        kind = self._kind.__name__
+        self._source_failure = InputError(f"a program is made of dg.{kind}, got {path!r:.80}")
         return None
 
     def take(self) -> PlannedPart | None:
@@ -156,33 +157,6 @@ class PlannerProcess:
             with suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)  # whoever waits there wakes up
             end.close()
-
-
-class KnownParts:
-    """Parts of a program that have been planned before.
-
-    Args:
-        machine: That they are certified for.
-        parts: Each takes over where the one before ends; the last one ends at rest.
-
-    Attributes:
-        failure: See ``Source``.
-    """
-
-    def __init__(self, machine: Machine, parts: Iterable[Trajectory]) -> None:
-        self.failure: DuoglideError | None = None
-        self._parts = prepare_parts(machine, parts)
-
-    def take(self) -> PlannedPart | None:
-        """Return the next part; None where there is none."""
-        try:
-            return next(self._parts, None)
-        except DuoglideError as error:
-            self.failure = error
-            return None
-
-    def close(self) -> None:
-        """There is nothing to end."""
 
 
 class PartFeed:
@@ -240,7 +214,8 @@ class PartFeed:
                 number = next(self._numbers)
                 tell(number, part)
                 self._ahead.append(number)
-                taker.load(replace(part.prepared, number=number, after=self._newest))
+                after = part.after or self._newest
+                taker.load(replace(part.prepared, number=number, after=after))
                 self._newest = number
         except DuoglideError as error:
             self._failure = error

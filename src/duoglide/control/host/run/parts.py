@@ -20,12 +20,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ProgramOrder:
-    """How a program is to be planned; see ``plan_program``."""
+    """How a program is to be planned; see ``plan_program``.
+
+    Attributes:
+        machine: The machine.
+        tolerance: See ``plan_program``.
+        brake_safe: See ``plan``.
+        timing: See ``plan``.
+        planned: Whether it is planned already, and comes as trajectories.
+    """
 
     machine: Machine
-    tolerance: float
-    brake_safe: bool
-    timing: Timing | str | None
+    tolerance: float = 0.0
+    brake_safe: bool = True
+    timing: Timing | str | None = None
+    planned: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +46,14 @@ class PlannedPart:
         document: Its trajectory, for the log: JSON.
         limit_use: How much of the machine's limits it uses.
         paths: How many paths of the program are done at its end.
+        after: Number of the setpoints that it goes on from; None: the newest.
     """
 
     prepared: PreparedSetpoints
     document: bytes
     limit_use: LimitUse
     paths: int
+    after: int | None = None
 
 
 def plan_parts(order: ProgramOrder, paths: Iterable[Path]) -> Iterator[PlannedPart]:
@@ -78,8 +89,19 @@ def prepare_parts(machine: Machine, parts: Iterable[Trajectory]) -> Iterator[Pla
     """
     fence, before = Fence.of(machine), None
     for number, part in enumerate(parts, start=1):
-        require_lines(part.whole or part, machine)
-        prepared = prepare_part(part, fence, number, before)
-        document = json.dumps(part.to_document(), allow_nan=False).encode()
-        yield PlannedPart(prepared, document, sample_limit_use(part), number)
+        yield prepare_planned(part, fence, number, before)
         before = part
+
+
+def prepare_planned(
+    part: Trajectory, fence: Fence, number: int, before: Trajectory | None
+) -> PlannedPart:
+    """Prepare one part; see ``prepare_part``.
+
+    Raises:
+        DriveError: It sets outputs of a drive that has none, or waits for inputs of one.
+    """
+    require_lines(part.whole or part, part.machine)
+    prepared = prepare_part(part, fence, number, before)
+    document = json.dumps(part.to_document(), allow_nan=False).encode()
+    return PlannedPart(prepared, document, sample_limit_use(part), number)
