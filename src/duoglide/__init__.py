@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from duoglide.motion.motion import State as State
     from duoglide.motion.path.actions import Dwell as Dwell
     from duoglide.motion.path.actions import SetOutput as SetOutput
+    from duoglide.motion.path.actions import SetPayload as SetPayload
     from duoglide.motion.path.actions import WaitInput as WaitInput
     from duoglide.motion.path.checked import CheckedPath as CheckedPath
     from duoglide.motion.path.path import Path as Path
@@ -126,7 +127,7 @@ _HOMES = {
         "Masses",
         "Timing",
     ),
-    "motion.path.actions": ("Dwell", "SetOutput", "WaitInput"),
+    "motion.path.actions": ("Dwell", "SetOutput", "SetPayload", "WaitInput"),
     "motion.rounding.blend": ("Blend",),
     "motion.path.checked": ("CheckedPath",),
     "motion.motion": ("State",),

@@ -142,6 +142,7 @@ def draw() -> Picture:
             axes.set_title(f"Largest force of a carriage [N], {told}")
             axes.set_ylim(0.0, None)
             axes.legend(loc="upper right")
+        rows[-1].set_xlim(-0.01, 0.5)  # room for the keys
         rows[-1].set_xlabel("time [s]")
     return figure
 

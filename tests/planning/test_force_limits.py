@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from duoglide.motion.path.carriage import map_to_carriages
 from duoglide.motion.path_clock import ClockState, PathClock
 from duoglide.planning.timing.span import Effort
 from duoglide.planning.timing.time_path import time_path
+from duoglide.playback.columns import columns_of
+from duoglide.storage import read_log
 
 PICK = dg.pick_and_place((-41.0, -152.5, 295.0), (-41.0, 152.5, 295.0), 25.0, 4.0)
 MASSES = dg.Masses(payload=0.3)
@@ -32,28 +35,31 @@ def quick(machine: dg.Machine, path: dg.Path = PICK, timing: str | None = None) 
 
 @pytest.mark.parametrize("timing", ["near-optimal", "toppra", "ruckig"])
 @pytest.mark.parametrize(
-    ("jerk", "masses"),
+    ("path", "jerk", "masses"),
     [
-        (3e6, MASSES),
-        (inf, replace(MASSES, gravity=(2000.0, 4000.0, 9000.0), coulomb_friction=(6.0, 1.0, 4.0))),
+        (PICK, 3e6, MASSES),
+        (
+            BEND,
+            inf,
+            replace(MASSES, gravity=(2000.0, 4000.0, 9000.0), coulomb_friction=(6.0, 1.0, 4.0)),
+        ),
     ],
     ids=["standing", "hanging without a jerk limit"],
 )
 def test_every_timing_keeps_each_carriage_s_force(
-    timing: str, jerk: float, masses: dg.Masses
+    timing: str, path: dg.Path, jerk: float, masses: dg.Masses
 ) -> None:
     force = np.array([34.0, 45.0, 38.0])
-    for path in (PICK, BEND):
-        plan = quick(limited(masses, force=force, jerk=jerk), path, timing)
-        used = np.abs(plan.forces(np.linspace(0.0, plan.duration, 30001))) / force
-        audit = plan.audit()
-        assert used.max() <= 1.0005
-        assert audit.force == pytest.approx(used.max(axis=0), abs=2e-3)
-        assert audit.worst <= 1.0005
-        if timing != "ruckig":
-            assert audit.force.max() > 0.995
-            assert "force" in audit.explain()
-            assert "force: worst use" in str(audit)
+    plan = quick(limited(masses, force=force, jerk=jerk), path, timing)
+    used = np.abs(plan.forces(np.linspace(0.0, plan.duration, 30001))) / force
+    audit = plan.audit()
+    assert used.max() <= 1.0005
+    assert audit.force == pytest.approx(used.max(axis=0), abs=2e-3)
+    assert audit.worst <= 1.0005
+    if timing != "ruckig":
+        assert audit.force.max() > 0.995
+        assert "force" in audit.explain()
+        assert "force: worst use" in str(audit)
 
 
 def test_a_line_along_the_rails_is_as_quick_as_its_forces_let_it_be() -> None:
@@ -76,7 +82,7 @@ def test_a_line_along_the_rails_is_as_quick_as_its_forces_let_it_be() -> None:
 
 
 def test_a_plan_is_within_a_hundredth_of_one_on_a_fine_grid() -> None:
-    for force, path in ((40.0, PICK), (22.0, PICK), (30.0, BEND)):
+    for force, path in ((22.0, PICK), (30.0, BEND)):
         machine = limited(force=force)
         carriages = map_to_carriages(dg.check_path(machine, path))
         usual = time_path(carriages)
@@ -88,11 +94,11 @@ def test_a_plan_is_within_a_hundredth_of_one_on_a_fine_grid() -> None:
 def test_more_force_never_takes_longer_and_enough_of_it_changes_nothing() -> None:
     free = quick(limited())
     last = inf
-    for force in (15.0, 25.0, 40.0, 62.0, 1e4):
+    for force in (20.0, 40.0, 62.0):
         plan = quick(limited(force=force))
         assert plan.duration <= 1.001 * last
         last = plan.duration
-    assert last == pytest.approx(free.duration, rel=1e-4)
+    assert last == pytest.approx(free.duration, rel=1e-3)
     assert quick(limited(replace(MASSES, payload=1.0), force=40.0)).duration > 1.05 * free.duration
 
 
@@ -122,15 +128,15 @@ def test_the_rms_force_is_kept_and_used_up(rms: float) -> None:
 
 
 def test_drives_without_the_force_to_brake_as_told_are_named() -> None:
-    machine = limited(force=35.0)
-    with pytest.raises(dg.LimitError, match=r"carriage \d would need .* N to brake by itself"):
-        dg.plan(machine, PICK)
-    gentle = replace(machine, drives=dg.DriveSettings(quick_stop_deceleration=(12e3,) * 3))
-    plan = dg.plan(gentle, PICK)
-    assert plan.report.brake_safe
-    heavy = replace(gentle, masses=replace(MASSES, payload=0.9))
-    with pytest.raises(dg.LimitError, match=r"stop_limits\.force is 52\.5 N"):
-        dg.plan(replace(heavy, limits=dg.CarriageLimits(force=35.0)), PICK)
+    line = dg.Path.line((-41.0, -30.0, 300.0), (-30.0, 30.0, 295.0))
+    with pytest.raises(
+        dg.LimitError,
+        match=r"carriage \d would need .* N to brake by itself .* stop_limits\.force is 52\.5 N",
+    ):
+        dg.plan(limited(force=35.0), line)
+    drives = dg.DriveSettings(quick_stop_deceleration=(12e3,) * 3)
+    gentle = replace(limited(force=35.0), drives=drives)
+    assert dg.plan(gentle, line).report.brake_safe
 
 
 def forces_of(machine: dg.Machine, carriages: np.ndarray, step: float) -> np.ndarray:
@@ -159,6 +165,43 @@ def test_holds_at_any_time_keep_the_force_that_stops_may_use() -> None:
         forces = forces_of(machine, plan.at(np.array(times)).carriages, step)
         worst = max(worst, float(np.abs(forces).max()))
     assert 30.0 < worst < 1.002 * 45.0
+
+
+@pytest.mark.parametrize("jerk", [3e6, inf])
+def test_what_is_picked_up_on_the_way_counts_from_there_on(jerk: float) -> None:
+    corner = [(-60.0, -80, 290), (-20.0, 20, 300), (-50.0, 90, 285)]
+    path = dg.Path.polyline(corner, 3.0)
+    machine = limited(dg.Masses(), force=35.0, jerk=jerk)
+    light, heavy = (
+        quick(replace(machine, masses=dg.Masses(payload=kg)), path) for kg in (0.0, 0.8)
+    )
+    picks = quick(machine, path.at(1, dg.SetPayload(0.8)))
+    assert light.duration < picks.duration - 0.02 < heavy.duration - 0.04
+    times = np.linspace(0.0, picks.duration, 4001)
+    carried = picks.payload_at(times)
+    assert carried[0] == 0.0 and carried[-1] == 0.8 and np.all(np.diff(carried) >= 0.0)
+    after = carried > 0.0
+    loaded = replace(machine, masses=dg.Masses(payload=0.8))
+    still = np.zeros(3)
+    end = picks.position_at(picks.duration)
+    assert picks.forces(picks.duration) == pytest.approx(
+        dg.carriage_forces(loaded, end, still, still)
+    )
+    for part in (after, ~after):
+        used = np.abs(picks.forces(times[part])).max() / 35.0
+        assert 0.98 < used <= 1.0005
+    assert picks.actions == ()  # there is nothing to do for it
+    assert dg.Trajectory.from_document(picks.to_document()).duration == picks.duration
+    with pytest.raises(dg.InputError, match="SetPayload by itself"):
+        next(dg.plan_program(machine, [path.at(1, dg.SetPayload(0.8))]))
+
+
+def test_the_table_of_a_plan_knows_what_is_carried(tmp_path: Path) -> None:
+    picks = quick(limited(dg.Masses()), PICK.at(2, dg.SetPayload(0.7)))
+    picks.save(tmp_path / "plan.mcap")
+    table = columns_of(read_log(tmp_path / "plan.mcap"))
+    found = np.stack([table[f"force_{axis}_N"] for axis in (1, 2, 3)], axis=-1)
+    assert found == pytest.approx(picks.forces(table["path_time_s"]), rel=1e-6, abs=1e-6)
 
 
 def test_a_transfer_is_slowed_until_it_keeps_the_forces() -> None:

@@ -106,7 +106,7 @@ def _solve(slopes: FloatArray, rates: FloatArray) -> FloatArray:
 
 def motion_forces(motion: Motion, t: FloatArray) -> FloatArray:
     """Return the forces of the carriages: see ``Trajectory.forces``."""
-    return carriage_forces(motion.machine, *platform_state(motion, t))
+    return carriage_forces(motion.machine, *platform_state(motion, t), motion.payload_at(t))
 
 
 def measure_demand(motion: Motion) -> Demand:

@@ -108,6 +108,17 @@ class Motion:
         speed, rate, third = (along[..., k, None] for k in range(1, 4))
         return _differentiate(self.path.derivatives(along[..., 0]), speed, rate, third)
 
+    def payload_at(self, t: ArrayLike) -> FloatArray:
+        """Return what the platform carries at time ``t`` [kg], shape (...).
+
+        Raises:
+            InputError: Not a finite number.
+        """
+        times = as_floats(t, "t")
+        if isinstance(self.path, TransferPath):
+            return np.full(times.shape, self.machine.masses.payload)
+        return self.path.checked.payload_at(self.profile.at(times)[..., 0])
+
     def position_at(self, t: ArrayLike) -> FloatArray:
         """Return the platform centre O' in the base frame at time ``t`` [mm], shape (..., 3).
 

@@ -65,7 +65,8 @@ def require_hold(path: CarriagePath | TransferPath) -> None:
     count = int(min(max(path.length / _APART, 16.0), _POSES))
     sigma = np.linspace(0.0, end, count + 1)
     position = path.position(sigma)
-    held = np.abs(_weights(machine, position)) + np.array(machine.masses.coulomb_friction)
+    payload = None if isinstance(path, TransferPath) else path.checked.payload_at(sigma)
+    held = np.abs(_weights(machine, position, payload)) + np.array(machine.masses.coulomb_friction)
     use = held / machine.limits.force
     if use.max() <= 1.0 - LEFT:
         return
@@ -92,7 +93,8 @@ def slow_to_force(motion: Motion) -> Motion:
     if not limits_force(motion.machine):
         return motion
     require_hold(motion.path)
-    parts = _split(motion.machine, motion.at(_times(motion)))
+    times = _times(motion)
+    parts = _split(motion.machine, motion.at(times), motion.payload_at(times))
     worst = 0.0
     for sign in (1.0, -1.0):
         room = motion.machine.limits.force - sign * parts.held - parts.dry
@@ -103,7 +105,7 @@ def slow_to_force(motion: Motion) -> Motion:
     return replace(motion, profile=motion.profile.stretch(worst**0.5 * (1.0 + _ROUNDING)))
 
 
-def share_forces(machine: Machine, states: State) -> FloatArray:
+def share_forces(machine: Machine, states: State, payload: FloatArray) -> FloatArray:
     """Return what a change of the pace asks of ``stop_limits.force``, in both directions.
 
     A pace that falls or rises by 1 within a second accelerates the platform by its velocity; a pace
@@ -112,12 +114,13 @@ def share_forces(machine: Machine, states: State) -> FloatArray:
     Args:
         machine: Whose stop limits hold.
         states: Of a motion that may be slowed down while it runs, (n,) times.
+        payload: What the platform carries then [kg], (n,).
 
     Returns:
         Along +y, then along -y: force for a change of the pace by 1 within a second, and that of
         the motion's own inertia; each as a share of what weight and friction leave, (2, 2, n, 3).
     """
-    parts = _split(machine, states)
+    parts = _split(machine, states, payload)
     limit, taken = machine.stop_limits.force, parts.dry + np.abs(parts.viscous)
     both = np.stack([parts.by_pace, parts.moved])
     room = (np.maximum(limit - sign * parts.held - taken, LEFT * limit) for sign in (1.0, -1.0))
@@ -203,7 +206,7 @@ def require_brakes(motion: Motion) -> None:
     rates = np.minimum(machine.drives.quick_stop_deceleration, within_a_cycle)
     braking = -np.sign(state.velocity) * rates
     platform = forward_rates(machine.geometry, state.carriages, state.velocity, braking)
-    forces = np.abs(carriage_forces(machine, *platform))
+    forces = np.abs(carriage_forces(machine, *platform, motion.payload_at(times)))
     use = forces / limit
     if use.max() <= _ALLOWED:
         return
@@ -240,19 +243,19 @@ class _Parts(NamedTuple):
     by_pace: FloatArray
 
 
-def _split(machine: Machine, states: State) -> _Parts:
+def _split(machine: Machine, states: State, payload: FloatArray) -> _Parts:
     """Split the forces of a motion, (n,) times."""
     masses, none = machine.masses, (0.0, 0.0, 0.0)
     bare = replace(machine, masses=replace(masses, coulomb_friction=none, viscous_friction=none))
     rates = states.carriages, states.velocity, states.acceleration
     position, velocity, acceleration = forward_rates(machine.geometry, *rates)
-    held = _weights(machine, position)
+    held = _weights(machine, position, payload)
     return _Parts(
         held=held,
-        moved=carriage_forces(bare, position, velocity, acceleration) - held,
+        moved=carriage_forces(bare, position, velocity, acceleration, payload) - held,
         viscous=np.array(masses.viscous_friction) * states.velocity,
         dry=np.array(masses.coulomb_friction),
-        by_pace=carriage_forces(bare, position, none, velocity) - held,
+        by_pace=carriage_forces(bare, position, none, velocity, payload) - held,
     )
 
 
@@ -260,7 +263,7 @@ def _mean_squares(motion: Motion, *, still: bool = False) -> FloatArray:
     """Return the mean squares of a motion's forces, or of what holds it there, (3,) [N^2]."""
     times = _times(motion)
     if still:
-        forces = _weights(motion.machine, motion.position_at(times))
+        forces = _weights(motion.machine, motion.position_at(times), motion.payload_at(times))
     else:
         forces = motion_forces(motion, times)
     square = forces**2
@@ -268,7 +271,7 @@ def _mean_squares(motion: Motion, *, still: bool = False) -> FloatArray:
     return mean
 
 
-def _weights(machine: Machine, position: FloatArray) -> FloatArray:
+def _weights(machine: Machine, position: FloatArray, payload: FloatArray | None) -> FloatArray:
     """Return the forces that hold the platform, friction aside [N]."""
     none = np.zeros(3)
-    return carriage_forces(machine, position, none, none)
+    return carriage_forces(machine, position, none, none, payload)

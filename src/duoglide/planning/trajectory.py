@@ -16,7 +16,7 @@ from duoglide.errors import DuoglideError, InputError, LimitError, LogError
 from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
 from duoglide.motion.pace import Pace
-from duoglide.motion.path.actions import Action, Dwell
+from duoglide.motion.path.actions import Action, Dwell, SetPayload
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.path.checked import CheckedPath
 from duoglide.motion.path.transfer import TransferPath
@@ -271,6 +271,8 @@ def action_times(motion: Motion) -> tuple[tuple[float, Action], ...]:
         return ()
     due, place, dwelt = [], -1.0, 0.0
     for sigma, action in motion.path.checked.actions:
+        if isinstance(action, SetPayload):  # it counts while planning; there is nothing to do
+            continue
         place, dwelt = sigma, dwelt if sigma == place else 0.0
         due.append((motion.profile.time_at(sigma) + dwelt, action))
         dwelt += action.seconds if isinstance(action, Dwell) else 0.0

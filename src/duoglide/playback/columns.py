@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
 
 from duoglide.arrays import AXES, BoolArray, FloatArray
-from duoglide.errors import InputError, SingularityError, UnreachableError
+from duoglide.errors import (
+    DuoglideError,
+    InputError,
+    LogError,
+    SingularityError,
+    UnreachableError,
+)
 from duoglide.kinematics.dynamics.dynamics import carriage_forces
 from duoglide.kinematics.model import forward, reachable
 from duoglide.kinematics.singularity.margins import clearance, margins
 from duoglide.machine import Geometry, Machine
 from duoglide.motion.forces import forward_rates
+from duoglide.planning.trajectory import Trajectory
 from duoglide.playback.run_data import IntArray, RunData, machine_of, read_run
-from duoglide.storage import Log, LogKind, MotionRecord, Topic
+from duoglide.storage import Document, Log, LogKind, MotionRecord, Topic
 
 Columns = dict[str, Any]
 """Column name, with its unit as the last word, to an array of one value a row."""
@@ -42,7 +50,7 @@ def columns_of(log: Log) -> Columns:
     if log.kind is LogKind.RUN:
         return run_columns(read_run(log))
     records = [record for _, record in log.records(Topic.MOTION)]
-    return _plan_columns(records, machine_of(log))
+    return _plan_columns(records, machine_of(log), _payloads(log, records))
 
 
 def run_columns(data: RunData) -> Columns:
@@ -71,7 +79,21 @@ def run_columns(data: RunData) -> Columns:
     return columns
 
 
-def _plan_columns(records: list[MotionRecord], machine: Machine) -> Columns:
+def _payloads(log: Log, records: list[MotionRecord]) -> FloatArray | None:
+    """Return what the platform carries at each record [kg]; None where that never changes."""
+    plan = log.document(Document.TRAJECTORY)
+    if '"set_payload"' not in json.dumps(plan):
+        return None
+    times = np.array([record.path_time for record in records])
+    try:
+        return Trajectory.from_document(plan).payload_at(times)
+    except DuoglideError as error:
+        raise LogError(f"{log.path}: {error}") from error
+
+
+def _plan_columns(
+    records: list[MotionRecord], machine: Machine, payload: FloatArray | None
+) -> Columns:
     columns: Columns = {"path_time_s": np.array([record.path_time for record in records])}
     position = _rows([record.position for record in records])
     for index, name in enumerate("xyz"):
@@ -84,19 +106,16 @@ def _plan_columns(records: list[MotionRecord], machine: Machine) -> Columns:
     ):
         _add_axes(columns, name, unit, _rows([getattr(record, name) for record in records]))
     rates = (_rows([getattr(record, name) for record in records]) for name in _RATES)
-    _add_axes(columns, "force", "N", _forces(machine, *rates))
+    _add_axes(columns, "force", "N", _forces(machine, payload, *rates))
     return columns
 
 
-def _forces(
-    machine: Machine, carriages: FloatArray, velocity: FloatArray, acceleration: FloatArray
-) -> FloatArray:
+def _forces(machine: Machine, payload: FloatArray | None, *rates: FloatArray) -> FloatArray:
     """Return the forces of each row [N], NaN where the records hold no motion of the links."""
     try:
-        state = forward_rates(machine.geometry, carriages, velocity, acceleration)
-        return carriage_forces(machine, *state)
+        return carriage_forces(machine, *forward_rates(machine.geometry, *rates), payload)
     except (UnreachableError, SingularityError, InputError):
-        return np.full(carriages.shape, np.nan)
+        return np.full(rates[0].shape, np.nan)
 
 
 def platform(geometry: Geometry, carriages: FloatArray) -> FloatArray:

@@ -26,6 +26,8 @@ from duoglide.kinematics.derivatives import Three, root_rates
 from duoglide.kinematics.dynamics.constants import MassConstants
 from duoglide.kinematics.kernels import SINGULAR
 
+STILL = 1e-6  # [mm/s]: what moves no faster rests, but for rounding
+
 
 class Levers(NamedTuple):
     """One pose, as the legend of ``kinematics.kernels`` has it, and its slopes.
@@ -152,7 +154,7 @@ def distribute_pose(at: Levers, loads: Loads, k: PoseConstants) -> Three:
 
 def friction(speed: float, coulomb: float, viscous: float) -> float:
     """Return the force that moves a carriage against its rail's friction; at rest none [N]."""
-    return coulomb * (1.0 * (speed > 0.0) - 1.0 * (speed < 0.0)) + viscous * speed
+    return coulomb * (1.0 * (speed > STILL) - 1.0 * (speed < -STILL)) + viscous * speed
 
 
 def forces_pose(

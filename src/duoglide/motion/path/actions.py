@@ -78,12 +78,34 @@ class Dwell:
         return {"type": "dwell", **asdict(self)}
 
 
-Action: TypeAlias = SetOutput | WaitInput | Dwell
+@dataclass(frozen=True, slots=True)
+class SetPayload:
+    """Say what the platform carries from here on: for the forces, nothing is done.
 
-_KINDS: dict[str, type[SetOutput] | type[WaitInput] | type[Dwell]] = {
+    Attributes:
+        mass: [kg], 0 or above.
+    """
+
+    mass: float
+
+    def __post_init__(self) -> None:
+        mass = as_number(self.mass, "mass [kg]")
+        if mass < 0.0:
+            raise InputError(f"mass = {mass:g} kg: must be 0 or above")
+        object.__setattr__(self, "mass", mass)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields and the type, for ``read_action``."""
+        return {"type": "set_payload", **asdict(self)}
+
+
+Action: TypeAlias = SetOutput | WaitInput | Dwell | SetPayload
+
+_KINDS: dict[str, type[SetOutput] | type[WaitInput] | type[Dwell] | type[SetPayload]] = {
     "set_output": SetOutput,
     "wait_input": WaitInput,
     "dwell": Dwell,
+    "set_payload": SetPayload,
 }
 
 

@@ -6,11 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from duoglide.arrays import FloatArray
 from duoglide.errors import DuoglideError, InputError
 from duoglide.kinematics.singularity.margins import FAMILIES
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
-from duoglide.motion.path.actions import Action, read_action
+from duoglide.motion.path.actions import Action, SetPayload, read_action
 from duoglide.motion.path.path import Path
 from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.path.segments import Point, show
@@ -126,6 +129,17 @@ class CheckedPath:
     def tool_acceleration(self) -> float | None:
         """Cap on the tool's acceleration [mm/s^2]; None: no cap."""
         return self.path.tool_acceleration
+
+    def payload_at(self, sigma: FloatArray) -> FloatArray:
+        """Return what the platform carries [kg], same shape: from each ``SetPayload`` on its mass.
+
+        Args:
+            sigma: Parameter of the curve [mm].
+        """
+        steps = [(at, a.mass) for at, a in self.actions if isinstance(a, SetPayload)]
+        carried = np.array([self.machine.masses.payload, *(mass for _, mass in steps)])
+        ends = np.array([at for at, _ in steps])
+        return np.asarray(carried[np.searchsorted(ends, sigma, side="right")], dtype=np.float64)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, from which ``from_dict`` builds this very value."""

@@ -23,6 +23,7 @@ import numpy as np
 from duoglide.arrays import as_number
 from duoglide.errors import DuoglideError, InputError, LimitError, PathError
 from duoglide.machine import Machine, Timing
+from duoglide.motion.path.actions import SetPayload
 from duoglide.motion.path.path import Path, as_timing
 from duoglide.motion.path.rounded import round_corners
 from duoglide.motion.path.segments import distance
@@ -72,7 +73,8 @@ def plan_program(
             where toppra is asked for, as toppra's motion has none of its own.
 
     Raises:
-        InputError: The tolerance is not a number from 0, or there is no such timing.
+        InputError: The tolerance is not a number from 0, there is no such timing, or a path changes
+            its payload.
         PathError: Names the path, and where, what and by how much; or that it does not start where
             the one before ends. What comes before that path is yielded first, to a rest.
     """
@@ -80,12 +82,23 @@ def plan_program(
         raise InputError(f"tolerance = {tolerance:g} mm: must be 0 or above")
     total = 0.0
     method = None if timing is None else as_timing(timing)
+    paths = (_without_payload(path) for path in paths)
     program = _Program(machine, brake_safe, find_entries(machine, paths, tolerance), method)
     for done, trajectory in program.run():
         total += trajectory.duration
         if progress is not None:
             progress(done, total)
         yield trajectory
+
+
+def _without_payload(path: Path) -> Path:
+    """Refuse a change of the payload, which the parts of a program could not hand on."""
+    if isinstance(path, Path) and any(isinstance(a, SetPayload) for _, a in path.actions):
+        raise InputError(
+            "a program that is planned part by part takes machine.masses.payload all along: plan a"
+            " path with SetPayload by itself (dg.plan)"
+        )
+    return path
 
 
 @dataclass(frozen=True, slots=True, eq=False)

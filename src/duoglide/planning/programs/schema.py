@@ -8,7 +8,7 @@ from typing import Any
 
 from duoglide.machine import Timing
 from duoglide.machine.schema import DRAFT
-from duoglide.motion.path.actions import Dwell, SetOutput, WaitInput
+from duoglide.motion.path.actions import Dwell, SetOutput, SetPayload, WaitInput
 from duoglide.planning.programs.toml import KEYS, MOVES
 
 SCHEMA = Path(__file__).with_name("program.schema.json")
@@ -53,8 +53,14 @@ _KEYS = {
     "value": _told({"type": "boolean"}, "What to set, or to wait for."),
     "timeout": _told(_NUMBER, "How long to wait before the run fails [s]."),
     "seconds": _told(_NUMBER, "How long to stand still [s]."),
+    "mass": _told({**_NUMBER, "minimum": 0}, "What the platform carries from here on [kg]."),
 }
-_ACTIONS = {"set_output": SetOutput, "wait_input": WaitInput, "dwell": Dwell}
+_ACTIONS = {
+    "set_output": SetOutput,
+    "wait_input": WaitInput,
+    "dwell": Dwell,
+    "set_payload": SetPayload,
+}
 _HEADER = ("start", "tolerance", "speed", "acceleration", "timing", "ignore")
 
 

@@ -25,7 +25,7 @@ from duoglide.planning.programs.path_builder import PathBuilder
 from duoglide.planning.programs.pick_and_place import pick_and_place
 
 _HEADER = {"start", "tolerance", "speed", "acceleration", "timing", "ignore", "moves"}
-_ACTIONS = ("set_output", "wait_input", "dwell")
+_ACTIONS = ("set_output", "wait_input", "dwell", "set_payload")
 
 
 def read_toml(text: str, tolerance: float = 0.0, notes: ProgramNotes | None = None) -> Path:
@@ -130,7 +130,7 @@ MOVES: dict[str, tuple[tuple[str, ...], tuple[str, ...], _Add]] = {
 
 
 KEYS = _HEADER | {key for needed, free, _ in MOVES.values() for key in (*needed, *free)}
-KEYS |= {"type", "axis", "bit", "value", "timeout", "seconds"}
+KEYS |= {"type", "axis", "bit", "value", "timeout", "seconds", "mass"}
 """All keys that mean something in a TOML program."""
 
 

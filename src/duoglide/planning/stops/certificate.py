@@ -69,6 +69,10 @@ class Moving(Protocol):
         """Return the states at times [s], shape (n,)."""
         ...
 
+    def payload_at(self, t: FloatArray) -> FloatArray:
+        """Return what the platform carries at times [kg], shape (n,)."""
+        ...
+
 
 class Handover:
     """A motion, and the one that takes over from it in motion.
@@ -91,6 +95,12 @@ class Handover:
         for name, row in zip(names, rows, strict=True):
             row[first], row[~first] = getattr(one, name), getattr(other, name)
         return State(*rows)
+
+    def payload_at(self, t: FloatArray) -> FloatArray:
+        """Return what the platform carries at times [kg], shape (n,)."""
+        first = t < self.before.duration
+        after = self.after.payload_at(t - self.before.duration)
+        return np.where(first, self.before.payload_at(t), after)
 
 
 _CELLS = _Cells()
@@ -224,8 +234,8 @@ def _bound_forces(motion: Moving, cells: int, part: slice) -> FloatArray:
         As ``_bound_peaks``.
     """
     times, _ = _sample_cells(motion, cells, part)
-    states = motion.at(np.clip(times, 0.0, motion.duration))
-    signed = share_forces(motion.machine, states)
+    times = np.clip(times, 0.0, motion.duration)
+    signed = share_forces(motion.machine, motion.at(times), motion.payload_at(times))
     peaks = _gather(np.maximum(signed[:, :, 1:], signed[:, :, :-1]))
     whole_peaks = np.concatenate([peaks, np.zeros_like(peaks[:, :1])], axis=1)
     return whole_peaks.clip(0.0)

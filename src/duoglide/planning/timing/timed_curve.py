@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import UnreachableError
 from duoglide.kinematics.constants import PoseConstants, pose_constants
-from duoglide.kinematics.dynamics.constants import MassConstants, mass_constants
+from duoglide.kinematics.dynamics.constants import KILOGRAM, MassConstants, mass_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
+from duoglide.motion.path.actions import SetPayload
 from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.profile import SIGMA, Profile
@@ -61,6 +62,7 @@ class TimedCurve:
         rate: No acceleration counts above this times the velocity limit, and no jerk above this
             times the acceleration that is left [1/s].
         ahead: From which sigma on a share of every limit is kept in reserve [mm].
+        payloads: Where the payload changes [mm], and to what [kg], in order.
     """
 
     machine: Machine
@@ -70,12 +72,15 @@ class TimedCurve:
     sigma_cap: SigmaCap | None = None
     rate: float = inf
     ahead: float = inf
+    payloads: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def of(cls, path: CarriagePath) -> TimedCurve:
         """Return what is to be timed of a checked path."""
         checked = path.checked
-        return cls(path.machine, path.curve, checked.speed_caps, checked.tool_acceleration)
+        steps = ((at, a.mass) for at, a in checked.actions if isinstance(a, SetPayload))
+        caps = checked.speed_caps, checked.tool_acceleration
+        return cls(path.machine, path.curve, *caps, payloads=tuple(steps))
 
     def limit_speed(self, cap: SigmaCap) -> TimedCurve:
         """Return this with a cap on d sigma/dt."""
@@ -114,6 +119,7 @@ class TimedCurve:
     def breaks(self) -> FloatArray:
         """Sigma where a derivative or a cap may jump [mm], ascending."""
         ends = [end for cap in self.speed_caps for end in (cap.start, cap.end)]
+        ends += [at for at, _ in self.payloads] if self.limits_force else []
         ends += [self.ahead] if self.ahead < self.curve.end else []
         breaks = self._kinks
         others = np.setdiff1d(np.array(ends), breaks).clip(0.0, self.curve.end)
@@ -216,12 +222,13 @@ class TimedCurve:
         """Whether the force of any carriage is limited."""
         return limits_force(self.machine)
 
-    def force_parts(self, motion: FloatArray, piece: Any) -> FloatArray:
+    def force_parts(self, motion: FloatArray, piece: Any, middle: FloatArray) -> FloatArray:
         """Return the parts of the forces: see ``motion_kernel.force_motion``.
 
         Args:
             motion: Sigma and its three time derivatives, shape (..., 4).
             piece: Piece of the curve that each belongs to, shape (...).
+            middle: Sigma that tells the payload; its shape fits (...).
 
         Returns:
             Shape (..., 4, 3), carriages last.
@@ -231,7 +238,10 @@ class TimedCurve:
         rows = np.ascontiguousarray(motion).reshape(-1, 4)
         pieces = np.array(np.broadcast_to(piece, shape)).ravel()
         masses = self._masses
-        payload = np.full(len(rows), masses.payload)
+        carried = KILOGRAM * np.array([kg for _, kg in self.payloads])
+        steps = np.searchsorted([at for at, _ in self.payloads], middle, side="right")
+        payload = np.append(masses.payload, carried)[steps]
+        payload = np.array(np.broadcast_to(payload, shape)).ravel()
         motion_kernel.force_motion(
             self._arrays,
             (self._constants, tuple(masses)[:-1], payload),
@@ -241,14 +251,16 @@ class TimedCurve:
         )
         return parts
 
-    def forces(self, motion: FloatArray, piece: Any) -> ForceUse:
+    def forces(self, motion: FloatArray, piece: Any, middle: FloatArray) -> ForceUse:
         """Return what the motion asks of the force limits.
 
         Args:
             motion: Sigma and its three time derivatives, shape (n, points, 4).
             piece: Piece of the curve that each belongs to, shape (n, points).
+            middle: Sigma that tells the payload, as in the middle of each cell, (n, points) or
+                (n, 1).
         """
-        parts = self.force_parts(motion, piece)
+        parts = self.force_parts(motion, piece, middle)
         by_rate, by_square, held, speed = (parts[..., k, :] for k in range(4))
         m, limit = self._masses, self.machine.limits.force
         dry, viscous = np.array([m.c1, m.c2, m.c3]), speed * (m.d1, m.d2, m.d3)
@@ -356,9 +368,10 @@ class CellMotion:
     def of(cls, timed: TimedCurve, profile: Profile, points: int) -> CellMotion:
         """Evaluate ``profile`` at ``points`` times of each piece, both of its ends included."""
         motion, piece = timed.cell_states(profile, points)
-        caps = timed.caps(motion, piece, motion[:, points // 2, 0]) if timed.has_caps else None
-        carriages = timed.motion(motion, piece)
-        return cls(carriages, caps, timed.forces(motion, piece) if timed.limits_force else None)
+        middle = motion[:, points // 2, 0]
+        caps = timed.caps(motion, piece, middle) if timed.has_caps else None
+        forces = timed.forces(motion, piece, middle[:, None]) if timed.limits_force else None
+        return cls(timed.motion(motion, piece), caps, forces)
 
     def uses(self) -> FloatArray:
         """Return the use of every limit, (n, points, 3, rows): carriages, then the caps if any.

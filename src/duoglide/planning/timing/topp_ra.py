@@ -164,7 +164,7 @@ class SpanRows:
         second = length * max(float(speed.max()), (rates / length) ** 0.5)
         force = np.empty((grid.size, 0, 3))
         if timed.limits_force:
-            force = timed.forces(unit[None], pieces[None]).rows[0]
+            force = timed.forces(unit[None], pieces[None], grid[None]).rows[0]
         near = (0.5**0.5) / speed
         return cls(grid, second, speed**-2.0, by_rate, by_square, force, near)
 
