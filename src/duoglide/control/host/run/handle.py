@@ -181,9 +181,10 @@ class RunHandle:
     def go_to(self, position: ArrayLike) -> None:
         """Leave the path for another goal, and end the run there; returns once it is left.
 
-        The motion follows the way to rest of the part that it is on, which for a single trajectory
-        is all of it, and goes on from there by a planned and checked transfer. What was to come
-        after that part is dropped. Where the goal is refused, the run goes on as it was.
+        The motion goes on as far as the streamer has parts, at most five of them; a single
+        trajectory is one. It follows the way to rest of the last one, and goes on from there by a
+        planned and checked transfer. What was to come after that is dropped. Where the goal is
+        refused, the run goes on as it was.
 
         Args:
             position: Platform centre O' in the base frame [mm], shape (3,).
@@ -193,19 +194,31 @@ class RunHandle:
             PathError: There is no safe way there.
             DriveError: The run ended, or was stopped, before the path could be left.
         """
+        feed = self._plan.feed
+        if feed is not None:
+            feed.pause(True)
+        try:
+            left = self._leave(position)
+        except BaseException:
+            if feed is not None:
+                feed.pause(False)
+            raise
+        if not left:
+            raise DriveError("the run was over before its path could be left")
+        if feed is not None:
+            feed.close()
+
+    def _leave(self, position: ArrayLike) -> bool:
+        """Go over to another goal after the newest part; whether the run was not over before."""
         while not self.done:
-            number = self._current
-            if (way := self._ways.get(number)) is None:
-                continue  # it has just been passed
-            goal = self._number_goal(number, way, position)
-            if self._monitor.wait_until(lambda: self.done or self._current != number, None) and (  # noqa: B023
-                self._current == goal
-            ):
-                if self._plan.feed is not None:
-                    self._plan.feed.close()
-                self._process.order(Command.END, goal)
-                return
-        raise DriveError("the run was over before its path could be left")
+            number = max(list(self._ways))
+            goal = self._number_goal(number, self._ways[number], position)
+            self._process.order(Command.END, goal)
+            self._monitor.wait_until(lambda: self.done or self._current > number, None)  # noqa: B023
+            if self._current == goal:
+                self._process.order(Command.END, goal)  # a program that ends meanwhile says another
+                return True
+        return False
 
     def _number_goal(self, number: int, way: Trajectory, position: ArrayLike) -> int:
         """Hand over a transfer from where a way comes to rest; return the number it has."""
@@ -214,7 +227,8 @@ class RunHandle:
         leave = transfer(way.machine, way.position_at(way.duration), position)
         part = prepare_planned(leave, Fence.of(way.machine), 1, None)
         goal = next(self._plan.numbers)
-        self._take_part(goal, replace(part, paths=self._tally.paths))
+        if self._log is not None:
+            self._log.add_part(goal, part.document)
         self._process.load(replace(part.prepared, number=goal, after=number))
         return goal
 
