@@ -52,7 +52,8 @@ def test_the_machine_files_that_are_shown_are_some(tmp_path: Path) -> None:
         file = tmp_path / "cell.toml"
         file.write_text(shown, "utf-8")
         machines.append(dg.Machine.load(file))
-    machine, weighed = machines
+    machine, weighed, strong = machines
+    assert strong.limits.rms_force.tolist() == [25.0] * 3
     assert weighed.masses.drive == (0.15, 0.15, 0.15)
     assert machine.keep_out[0].name == "feeder"
     assert machine.drives.quirks[2].setpoint_timer is False

@@ -16,6 +16,7 @@ from duoglide.control.channel.events import Condition, Happening
 from duoglide.control.streamer.braking_drive import BrakingDrive, Trailing
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
+from duoglide.drives.simulation.faults import Jam
 
 WORDS = Struct("<Hi")
 AXES = (1, 2, 3)
@@ -249,6 +250,19 @@ def test_where_it_goes_on_beyond_the_place_where_its_plan_turns_it_round(runs: L
     assert not by_themselves(cell)
 
 
+@pytest.mark.parametrize(("axis", "cycle"), [(1, 16), (3, 107)])
+def test_a_carriage_that_jams_leads_too_and_the_others_stop_as_soon_as_they_can(
+    runs: LedRuns, axis: int, cycle: int
+) -> None:
+    off = []
+    for stops in (runs.stops, None):
+        cell = LedRuns(runs.plan, stops).until(cycle)
+        Jam(axis).apply(cell.rack.nodes[axis - 1])
+        off.append(runs.off_path(cell))
+        assert cell.happened(Happening.STOPPED)
+    assert off[0] < 0.75 * off[1] < np.inf
+
+
 @pytest.mark.parametrize("coast", [0.0, 1.0, 1.5])
 @pytest.mark.parametrize("speeding_up", [-0.2, 0.0, 0.24])
 def test_a_drive_that_has_left_its_setpoints_is_told_from_others(
@@ -267,9 +281,11 @@ def test_a_drive_that_has_left_its_setpoints_is_told_from_others(
     assert drive is not None
     assert drive.place == pytest.approx(places[-1], abs=0.4)
     assert drive.velocity == pytest.approx(v - d * t[-1], abs=0.4)
+    held = BrakingDrive.recognise(list(due), list(np.minimum(due, due[heard])), d, trailing)
+    assert held is not None and held.stands
+    assert held.place == pytest.approx(due[heard], abs=0.6)
     for other in (
         due + np.where(k > heard, 10.0, 0.0),  # it leaps
-        np.minimum(due, due[heard]),  # it jams
         due + np.where(k > heard, 1.5 * d * (k - heard) ** 2, 0.0),  # it runs away
     ):
         assert BrakingDrive.recognise(list(due), list(other), d, trailing) is None

@@ -50,7 +50,7 @@ def test_what_a_machine_leaves_out_is_told_and_what_it_gives_is_not(tmp_path: Pa
     text = " ".join(line.removeprefix("# ") for line in file.read_text().splitlines())
     assert "Not given here, home_position: platform position at which" in text
     assert "left out, the deepest point of the workspace" in text
-    assert "Not given here, [stop_limits] with velocity, acceleration, jerk: what a stop" in text
+    assert "[stop_limits] with velocity, acceleration, jerk, force, rms_force: what a st" in text
     assert dg.Machine.load(file).to_dict() == dg.Machine.default().to_dict()
     limits = dg.CarriageLimits(acceleration=1e5, jerk=1e7)
     whole = dg.Machine(stop_limits=limits, home_position=(-41, 0, 302), timing=dg.Timing.TOPPRA)

@@ -38,7 +38,7 @@ FLAGS = [
     "--ignore-gpu-blocklist",
 ]
 TYPED = "input:visible:not([type=checkbox])"  # of the fields of a tab
-PATIENCE = 300_000  # [ms]: a browser without a graphics card takes its time on a busy computer
+PATIENCE = 120_000  # [ms]: a browser without a graphics card takes its time on a busy computer
 PATIENT = dg.Machine(  # a browser that draws in software starves everybody else
     drives=dg.DriveSettings(
         late_cycles=250,
@@ -166,7 +166,7 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     banner_says(tab, "Stopped", "Press Run")
     assert log.stat().st_size > 1000
     open_tab(tab, "Live")
-    wait_for(tab, "program started")
+    wait_for(tab, "approach started")
     titles = tab.locator(".u-title:visible").all_text_contents()
     assert [title.partition(" [")[0] for title in titles] == [
         "Following error", "Velocity", "Carriage margin", "Lateness of cycles",
@@ -269,15 +269,6 @@ def test_banner_and_stop_are_in_sight_at_every_size(
         at = "([x, y]) => document.elementFromPoint(x, y).id"
         assert tab.evaluate(at, middle) == name, "and nothing covers it"
     assert stops_by(stopping, tab.locator("#duoglide-stop").click) == 1
-
-
-def test_the_page_is_dark_where_the_browser_is(stopping: tuple[Any, list[float]]) -> None:
-    tab, _ = stopping
-    scheme = "document.documentElement.dataset.mantineColorScheme"
-    for dark in ("dark", "light"):
-        tab.emulate_media(color_scheme=dark)
-        tab.wait_for_function(f"{scheme} == '{dark}'")
-        assert tab.title() == "Duoglide"
 
 
 def test_there_is_no_button_to_share_with_the_public(stopping: Any) -> None:

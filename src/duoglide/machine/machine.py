@@ -55,7 +55,7 @@ class Machine:
         default_factory=DerivedLimits,
         metadata=told(
             "what a stop on the path may ask, at least limits everywhere; left out, it "
-            "follows limits: 1.5 times the acceleration and jerk"
+            "follows limits: 1.5 times the acceleration, jerk and force"
         ),
     )
     drives: DriveSettings = field(
@@ -151,7 +151,7 @@ class Machine:
             )
 
     def _require_stop_reserve(self) -> None:
-        for key in ("velocity", "acceleration", "jerk"):
+        for key in ("velocity", "acceleration", "jerk", "force"):
             least, value = getattr(self.limits, key), getattr(self.stop_limits, key)
             if np.any(value < least):
                 raise ConfigError(

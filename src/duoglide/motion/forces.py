@@ -92,11 +92,16 @@ def forward_rates(
     """
     position = forward(geometry, carriages)
     slopes = jacobian(geometry, position)
-    moved = np.linalg.solve(slopes, velocity[..., None])[..., 0]
+    moved = _solve(slopes, velocity)
     jets = np.stack([position, moved, np.zeros_like(moved)], axis=-2)
     bend = inverse_derivatives(geometry, jets)[..., 2, :]
-    gained = np.linalg.solve(slopes, (acceleration - bend)[..., None])[..., 0]
+    gained = _solve(slopes, acceleration - bend)
     return PlatformState(position, moved, gained)
+
+
+def _solve(slopes: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return the platform's rates for those of the carriages, (..., 3)."""
+    return np.asarray(np.linalg.solve(slopes, rates[..., None])[..., 0], dtype=np.float64)
 
 
 def motion_forces(motion: Motion, t: FloatArray) -> FloatArray:

@@ -84,5 +84,5 @@ def _list_rates(motion: Motion, times: FloatArray) -> list[tuple[str, str, Float
         ("Velocity", "m/s", state.velocity * 1e-3, limits.velocity * 1e-3),
         ("Acceleration", "m/s²", state.acceleration * 1e-3, limits.acceleration * 1e-3),
         ("Jerk", "m/s³", state.jerk * 1e-3, limits.jerk * 1e-3),
-        ("Force", "N", motion_forces(motion, times), np.full(3, np.inf)),
+        ("Force", "N", motion_forces(motion, times), limits.force),
     ]

@@ -23,7 +23,7 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.stop_bounds import StopBounds
 from duoglide.motion.timing_report import TimingMethod, TimingReport
-from duoglide.planning.certify import NOT_LOOKED_AT, certify, renew_report
+from duoglide.planning.certify import certify, renew_report
 from duoglide.planning.limit_use import ALLOWED, NAMES, uses_at_cycles
 from duoglide.planning.stops.certificate import certify_stops, stop_bounds_until
 
@@ -79,12 +79,7 @@ class Trajectory(Motion):
             LimitError: The positions of its cycles ask for more than the machine's ``stop_limits``;
                 a run whose last cycles were filtered out breaks off at speed, and does.
         """
-        report = replace(
-            plan.report,
-            method=TimingMethod.RECORDED,
-            brake_safe=False,
-            braking_clearance=NOT_LOOKED_AT,
-        )
+        report = replace(plan.report.without_braking(), method=TimingMethod.RECORDED)
         motion = Motion(plan.path, pace.profile_of(plan.profile), report=report)
         _require_stop_limits(motion)
         due = tuple((pace.time_of(t), action) for t, action in plan.actions)

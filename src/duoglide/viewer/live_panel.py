@@ -53,10 +53,10 @@ class LivePanel:
         self._words = gui.add_markdown("The strips move while something runs.")
         needed = machine.carriage_margin
         self._strips = [
-            Strip(gui, "Following error [mm]", carriages=True),
+            Strip(gui, "Following error [mm]", carriages=True, least=(-0.01, 0.01)),
             Strip(gui, "Velocity [% of its limit]", carriages=True, bounds=(-100.0, 100.0)),
             Strip(gui, f"Carriage margin [mm], {needed:g} needed", bounds=(needed,)),
-            Strip(gui, "Lateness of cycles [µs], the worst"),
+            Strip(gui, "Lateness of cycles [µs], the worst", least=(0.0, 100.0)),
         ]
         gui.add_markdown("**Events**, the newest first")
         self._list = gui.add_html(_table(self._events))

@@ -198,14 +198,11 @@ class MotionPanel:
 def _colour_key(machine: Machine) -> str:
     """Return the scale of the path's colours in HTML: the worse of clearance and margin counts."""
     near, far = (f"rgb({', '.join(map(str, colour))})" for colour in (_NEAR, _FAR))
-    rows = "".join(
-        f"<tr><td>{least:g}</td><td>{name} [mm]</td><td>{least + ease:g} and more</td></tr>"
-        for name, least, ease in (
-            ("clearance", machine.clearance, _EASE),
-            ("carriage margin", machine.carriage_margin, _LOOSE),
-        )
-    )
+    bounds = machine.clearance, machine.carriage_margin
+    names, eases = ("clearance", "carriage margin"), (_EASE, _LOOSE)
+    at_bound = "<br>".join(f"{name} {b:g} mm" for name, b in zip(names, bounds, strict=True))
+    at_ease = "<br>".join(f"{b + e:g} mm and more" for b, e in zip(bounds, eases, strict=True))
     return (
         f'<div id="duoglide-key"><div style="background: linear-gradient(90deg, {near}, {far})">'
-        f"</div><table><tbody>{rows}</tbody></table></div>"
+        f"</div><p>{at_bound}</p><p>{at_ease}</p></div>"
     )

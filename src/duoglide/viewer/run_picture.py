@@ -8,7 +8,7 @@ import numpy as np
 
 from duoglide.arrays import AXES, FloatArray
 from duoglide.drawing.over_time import draw_carriages, draw_curves, draw_limited, finish
-from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
+from duoglide.drawing.picture import CURVE, LIMIT, Picture, drawn
 from duoglide.errors import LogError
 from duoglide.kinematics.carriage_margin import carriage_margin
 from duoglide.kinematics.headroom.room import locate
@@ -53,7 +53,7 @@ def plot_run(data: RunData, plans: Mapping[int, Trajectory]) -> Picture:
         draw_curves(rows[2], times[shown], data.following_error[shown] * 1e3)  # every worst one
         rows[2].set_title("Tracking error [µm], measured minus the setpoint that was due")
         rows[2].axhline(0.0, color=LIMIT, linewidth=0.7)
-        rows[3].plot(times[some], _carriage_margin(data.machine, measured), color=COLOURS[0])
+        rows[3].plot(times[some], _carriage_margin(data.machine, measured), color=CURVE)
         rows[3].axhline(data.machine.carriage_margin, color=LIMIT, linestyle="--", linewidth=1.0)
         rows[3].set_title("Carriage margin [mm] where the carriages were, and what is needed")
         rows[3].set_ylim(bottom=0.0)

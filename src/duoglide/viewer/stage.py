@@ -57,8 +57,8 @@ def _step_back(client: Any, half: float) -> None:
 
 def _add_axes(scene: Any, geometry: Geometry) -> None:
     """Draw the directions of x, y and z beside the rails, not at the origin, where links move."""
-    length = 0.12
-    corner = np.array([geometry.rail_half_spacing + 90.0, -geometry.rail_half_length - 60.0, 0.0])
+    length = 0.1
+    corner = np.array([-geometry.rail_half_spacing - 110.0, -geometry.rail_half_length, 0.0])
     start = corner * METRES + (0.0, 0.0, _FLOOR)
     tips = start + length * np.eye(3)
     colours = np.array(list(_AXES.values()), dtype=np.uint8)

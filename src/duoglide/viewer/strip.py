@@ -21,6 +21,7 @@ class Strip:
         title: What is drawn, and its unit.
         carriages: Whether it has a curve for each carriage; one otherwise.
         bounds: Lines at these values.
+        least: What is shown at least of the values' range, so that nothing looks like much.
         data: Times (n,) and values (n, k) to begin with.
         sync: Strips of one name share their cursor.
     """
@@ -32,6 +33,7 @@ class Strip:
         *,
         carriages: bool = False,
         bounds: Sequence[float] = (),
+        least: tuple[float, float] = (0.0, 0.0),
         data: tuple[FloatArray, FloatArray] | None = None,
         sync: str = "live",
     ) -> None:
@@ -47,7 +49,7 @@ class Strip:
             data=self._columns(times, values),
             series=tuple(series),
             title=title,
-            scales={"x": {"time": False}},
+            scales={"x": {"time": False}, "y": {"range": _range(*least)}},
             axes=({"size": 30}, {"size": 52}),
             legend=_LEGEND,
             cursor={"sync": {"key": sync}},
@@ -71,3 +73,11 @@ class Strip:
     def _columns(self, times: FloatArray, values: FloatArray) -> tuple[FloatArray, ...]:
         lines = (np.full(len(times), bound) for bound in self._bounds)
         return (times, *values.T, *lines)
+
+
+def _range(low: float, high: float) -> dict[str, Any]:
+    """Return how uPlot chooses what it shows: all values, and all between two of them."""
+    return {
+        "min": {"pad": 0.1, "soft": low, "mode": 1},
+        "max": {"pad": 0.1, "soft": high, "mode": 1},
+    }

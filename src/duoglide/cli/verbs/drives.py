@@ -20,6 +20,7 @@ from duoglide.cli.options import (
     load_machine,
     override_factor,
 )
+from duoglide.cli.verbs import size
 
 if TYPE_CHECKING:
     from duoglide.drives.onboarding.probe import Probed
@@ -97,6 +98,7 @@ def add_to(app: typer.Typer) -> None:
     group.command("probe", help=_PROBE_HELP, epilog=_PROBE_EXAMPLE)(probe)
     group.command("commission", help=_COMMISSION_HELP, epilog=_COMMISSION_EXAMPLE)(commission)
     group.command("units", help=_UNITS_HELP, epilog=_UNITS_EXAMPLE)(units)
+    size.add_to(group)
     app.add_typer(group, name="drives")
 
 

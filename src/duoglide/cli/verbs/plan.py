@@ -113,10 +113,12 @@ def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
             "velocity": audit.velocity,
             "acceleration": audit.acceleration,
             "jerk": audit.jerk,
+            "force": audit.force,
         },
         "least_clearance": audit.least_clearance,
         "carriage_margin": audit.carriage_margin,
         "braking_clearance": audit.braking_clearance,
+        "braking_carriage_margin": audit.braking_carriage_margin,
         "stays_on_path": audit.stays_on_path,
         "force": {"peak": demand.peak_force, "rms": demand.rms_force},
         "peak_power": demand.total_peak_power,
@@ -175,6 +177,7 @@ def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
         ("worst use, velocity", f"{percent(audit.velocity)} of the limit, per carriage"),
         ("worst use, acceleration", percent(audit.acceleration)),
         ("worst use, jerk", _jerk_in_words(trajectory, audit)),
+        *([("worst use, force", percent(audit.force))] if audit.force.any() else []),
         ("timed by", trajectory.report.method.value),
         ("held back by", audit.explain()),
         ("least clearance", f"{audit.least_clearance:.2f} mm to a singular surface"),
@@ -187,7 +190,8 @@ def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
         else:
             rows.insert(0, ("up, across, down", f"{audit.picks} times; {rate}, with the ways back"))
     if not isnan(audit.braking_clearance):
-        least = f"{audit.braking_clearance:.2f} mm at least"
+        margin = f"carriage margin {audit.braking_carriage_margin:.2f} mm"
+        least = f"clearance {audit.braking_clearance:.2f} mm, {margin} at least"
         rows.append(("while braking", f"{least}, every drive by itself"))
     promised = f"{percent(audit.stays_on_path)} of the time, should that drive brake by itself"
     rows.append(("stays on its path", promised))

@@ -8,6 +8,7 @@ demand: the lag of its carriage is taken off, because the others trail their set
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 _SINCE = 0.5  # cycles since it began, at the end of the cycle in which it did: anything up to 1
@@ -19,6 +20,7 @@ _LAST_OFF = 0.1  # share of its deceleration that may be wrong
 _CREDIBLE = 5.0  # standard deviations, with a reserve of ...
 _RESERVE = 0.5  # ... [mm], beyond which a place is not one of a drive that brakes
 _FEWEST, _LIKE = 3, 0.6  # places, and [mm] by which each may be off, that show that one brakes
+_HARDER = (1.0, 4.0, 16.0, 1e3)  # times its deceleration: one whose carriage is held stands at once
 _LONGEST_AGO = 10  # cycles ago that it may have heard its last setpoint ...
 _COASTS = (0.0, 0.5, 1.0, 2.0)  # ... and cycles for which it may then have gone on
 
@@ -83,36 +85,37 @@ class BrakingDrive:
         deceleration: float,
         trailing: Trailing,
     ) -> BrakingDrive | None:
-        """Return the drive that has left its setpoints and brakes; None where it does not.
+        """Return the drive that has left its setpoints and brakes or stands; None for others.
 
         One that hears no setpoints any more, and has not said so yet, goes on for a while and then
-        brakes. When it began is found out by trying.
+        brakes. When it began is found out by trying. One whose carriage is held brakes harder.
 
         Args:
             due: Setpoints of the newest cycles, the newest last [mm].
-            places: Where the demand was that its carriage has followed [mm].
+            places: Where its carriage was [mm].
             deceleration: What it brakes with [mm/cycle^2].
             trailing: Of its carriage.
         """
         last = len(due) - 1
         best, found = _LIKE, None
-        for k in range(max(1, last - _LONGEST_AGO), last - _FEWEST + 1):
-            velocity = due[k] - due[k - 1]
-            for coast in _COASTS:
-                begin, since = due[k] + velocity * coast, k + coast
-                worst = 0.0
-                for j in range(last - _FEWEST + 1, last + 1):
-                    place, _ = _brake(begin, velocity, deceleration, j - since)
-                    worst = max(worst, abs(place - places[j]))
-                if worst < best:
-                    best, found = worst, (begin, velocity, last - since)
+        starts = range(max(1, last - _LONGEST_AGO), last - _FEWEST + 1)
+        for harder, k, coast in product(_HARDER, starts, _COASTS):
+            velocity, since = due[k] - due[k - 1], k + coast
+            begin, d = due[k] + velocity * coast, deceleration * harder
+            worst = 0.0
+            for j in range(last, last - _FEWEST, -1):
+                place, speed = _brake(begin, velocity, d, j - since)
+                worst = max(worst, abs(place - trailing.lag * speed - places[j]))
+                if worst >= best:
+                    break
+            else:
+                best, found = worst, (d, *_brake(begin, velocity, d, last - since))
         if found is None:
             return None
-        drive = cls(places[-1], 0.0, deceleration, trailing)
-        begin, velocity, lasted = found
-        drive.place, drive.velocity = _brake(begin, velocity, deceleration, lasted)
-        drive._pp, drive._pv, drive._vv = _LIKE**2, 0.0, (_SPREAD * deceleration) ** 2
-        drive._age = _SETTLING
+        d, place, velocity = found
+        drive = cls(place, 0.0, d if velocity else deceleration, trailing)
+        drive.velocity, drive._age = velocity, _SETTLING
+        drive._pp, drive._vv = _LIKE**2, (_SPREAD * d) ** 2 if velocity else 0.0
         return drive
 
     def pass_cycle(self) -> None:

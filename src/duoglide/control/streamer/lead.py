@@ -79,6 +79,17 @@ class Lead:
         if stop.find():
             follower.led, self.axis, self._departed = stop, index + 1, departed
 
+    def _goes_on_unheard(
+        self, follower: Follower, stop: LedStop, view: AxisView, trail: AxisTrail
+    ) -> bool:
+        """Weigh in a cycle of a drive that has left its setpoints, or recognise it once more."""
+        if not _sees(follower, stop.index, view, stop.drive):
+            drive = _recognise(follower, stop.index, trail)
+            if drive is None:
+                return False
+            stop.drive = drive
+        return stop.find()
+
     def power_of(self, axis: int, power: Power, state: State | None) -> Power:
         """Return what is wanted of a drive's power: one that leads is not brought back up.
 
@@ -106,8 +117,8 @@ class Lead:
             stop.confirm(_begin(follower, index, trails[index], sent, confirmed=True))
             return _sees(follower, index, view, stop.drive) and stop.find()
         stop.drive.pass_cycle()
-        if stop.departed and view.state is State.OPERATION_ENABLED:
-            return _sees(follower, index, view, stop.drive) and stop.find()
+        if stop.departed and (braking or view.state is State.OPERATION_ENABLED):
+            return self._goes_on_unheard(follower, stop, view, trails[index])
         if view.state is State.OPERATION_ENABLED:  # the message was a warning, or comes early
             return not stop.confirmed and stop.find()
         if not braking:
@@ -152,7 +163,7 @@ def _recognise(follower: Follower, index: int, trail: AxisTrail) -> BrakingDrive
     assert stops is not None
     scale = prepared.fence.scales.axes[index]
     due = [scale.to_mm(step.due) for step in trail.steps]
-    places = [scale.to_mm(step.due + step.off) for step in trail.steps]
+    places = [scale.to_mm(step.actual) for step in trail.steps]
     deceleration = stops.decelerations[index] * prepared.cycle**2
     return BrakingDrive.recognise(due, places, deceleration, Trailing(trail.lag, trail.bend))
 

@@ -224,7 +224,7 @@ class Watch:
                 view.statusword |= _FOLLOWS  # also in the last answer, where one is missing
             if homing or track.homing:
                 view.statusword = 0  # bits 12 and 13 mean something else there
-            elif due is not None and not track.missing and index + 1 != self.leader:
+            elif due is not None and not track.missing:
                 self._judge_trail(index, track, due)
         self.seen.enabled = due is not None
 
@@ -233,6 +233,9 @@ class Watch:
         # after a gap the answer may be to an earlier SYNC, for a while
         unsure = due.unsure if track.settled else max(due.unsure, _UNSURE + track.gap)
         row = [setpoint[index] for setpoint in due.setpoints]
+        if index + 1 == self.leader:
+            trail.remember(track.actual, row)
+            return
         trail.see(track.actual, row, due.margin / trail.rule.mm, unsure)
         view.following, view.allowed = trail.off, trail.allowed
         view.stays, view.away, view.far = trail.stays, trail.breaks_away, trail.is_far

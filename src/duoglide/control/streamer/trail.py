@@ -38,11 +38,11 @@ class Trodden(NamedTuple):
 
     Attributes:
         due: The setpoint that was due there.
-        off: How far the carriage was from where that puts it.
+        actual: Where it was.
     """
 
     due: int
-    off: float
+    actual: int
 
 
 class AxisTrail:
@@ -104,13 +104,13 @@ class AxisTrail:
         grown = max(rule.at_rest, rule.growth * abs(step)) + _CURVE * abs(bend)
         self.allowed = min(grown, rule.window, margin)
         if unsure:
+            self.steps.clear()
             self.allowed += unsure * max(abs(after - here), abs(here - before))
             self._row = 0
-            self.steps.clear()
             return
+        self.remember(actual, due)
         left = off + self._lag * step + self._bend * bend
         late = abs(left) > rule.departure and not self._row and self._is_late(actual, due)
-        self.steps.append(Trodden(here, left))
         if late:
             left = 0.0
         self._usual += (abs(left) - self._usual) / _LASTING
@@ -119,6 +119,10 @@ class AxisTrail:
         self._watch_departure(left)
         if (step or bend) and not late:
             self._learn(off, step, bend)
+
+    def remember(self, actual: int, due: Sequence[int]) -> None:
+        """Keep where it was: takes what ``see`` does. Of a drive that leads, nothing is judged."""
+        self.steps.append(Trodden(due[-2], actual))
 
     @property
     def lag(self) -> float:

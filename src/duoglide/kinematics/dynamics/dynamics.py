@@ -358,6 +358,13 @@ def _singularity(pose: FloatArray, index: tuple[int, ...], *, flat: bool) -> Sin
 @cache
 def _compiled_forces() -> Any:
     """Compile the loop, or load it from numba's cache."""
+    register_dynamics()
+    return compiled(kernels.forces_loop, nogil=True)
+
+
+@cache
+def register_dynamics() -> None:
+    """Let compiled code call the formulas, which stay plain functions for everyone else."""
     share(
         root_rates,
         kernels.levers_pose,
@@ -368,5 +375,5 @@ def _compiled_forces() -> Any:
         kernels.distribute_pose,
         kernels.friction,
         kernels.forces_pose,
+        inline=True,
     )
-    return compiled(kernels.forces_loop, nogil=True)

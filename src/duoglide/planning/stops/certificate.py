@@ -27,6 +27,7 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.stop_bounds import RateTable, StopBounds
 from duoglide.planning.compare import first_least, whole
+from duoglide.planning.force_limits import share_forces
 from duoglide.planning.stops.kernel import find_largest_slopes, find_windows
 from duoglide.planning.tolerances import CHUNK
 
@@ -93,6 +94,7 @@ class Handover:
 
 
 _CELLS = _Cells()
+_WHOLE = np.array([[1.0] * 3, [np.inf] * 3])  # of each force limit, and no limit of its change
 _SHAPES = np.array([1.0, 0.5, 0.2])  # rho
 _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in what r' may be;
 # below 1/2 every term is smaller than at 1/2
@@ -161,13 +163,17 @@ def _find_slopes(motion: Moving, cells: int) -> FloatArray:
     limits = np.stack([allowed.acceleration, allowed.jerk])
     share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
     both = np.empty((2, _SHAPES.size, cells))
+    limited = bool(np.isfinite(allowed.force).any())
     for begin in range(0, cells, CHUNK):
         part = slice(begin, min(begin + CHUNK, cells))
         peaks = _bound_peaks(motion, cells, part)
+        forces = _bound_forces(motion, cells, part) if limited else None
         for k, rho in enumerate(_SHAPES.tolist()):
             found = np.full((2, peaks.shape[2]), _CELLS.slope)
             levels = _LEVELS[1:], share[k]
             find_largest_slopes(peaks, (limits, _CELLS.reserve * limits), levels, rho, found)
+            if forces is not None:
+                find_largest_slopes(forces, (_WHOLE, _CELLS.reserve * _WHOLE), levels, rho, found)
             both[:, k, part] = found
     return both
 
@@ -192,8 +198,7 @@ def _bound_peaks(motion: Moving, cells: int, part: slice) -> FloatArray:
     Returns:
         Largest positive and largest negative values, both as amounts, shape (2, 3, n, 3).
     """
-    step = motion.duration / (cells * _CELLS.samples)
-    times = np.arange(part.start * _CELLS.samples - 1, part.stop * _CELLS.samples + 2) * step
+    times, step = _sample_cells(motion, cells, part)
     state = motion.at(np.clip(times, 0.0, motion.duration))
     one = np.stack([state.velocity, state.acceleration, state.jerk])
     signed = np.stack([one, -one])
@@ -201,12 +206,44 @@ def _bound_peaks(motion: Moving, cells: int, part: slice) -> FloatArray:
     jumps = bool(np.isinf(motion.machine.limits.jerk).any())
     if jumps:
         between[:, 1] = _find_extremes(motion, np.clip(times, 0.0, motion.duration))
-    wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
-    peaks: FloatArray = wide.reshape(2, 3, -1, _CELLS.samples, 3).max(axis=3)
+    peaks = _gather(between)
     if not jumps:
         peaks[:, 1] += 0.5 * step * peaks[:, 2].max(axis=0)
     peaks[:, 0] += 0.5 * step * peaks[:, 1].max(axis=0)
     return np.maximum(peaks, 0.0)
+
+
+def _bound_forces(motion: Moving, cells: int, part: slice) -> FloatArray:
+    """Take the largest shares of ``stop_limits.force`` in some of the cells, each sign by itself.
+
+    They follow the same law as accelerations: what a change of the pace adds stands for velocity,
+    what the motion itself takes for acceleration, and nothing for jerk. Each is the largest sample
+    of a cell and of one sample to each side.
+
+    Returns:
+        As ``_bound_peaks``.
+    """
+    times, _ = _sample_cells(motion, cells, part)
+    states = motion.at(np.clip(times, 0.0, motion.duration))
+    signed = share_forces(motion.machine, states)
+    peaks = _gather(np.maximum(signed[:, :, 1:], signed[:, :, :-1]))
+    whole_peaks = np.concatenate([peaks, np.zeros_like(peaks[:, :1])], axis=1)
+    return whole_peaks.clip(0.0)
+
+
+def _sample_cells(motion: Moving, cells: int, part: slice) -> tuple[FloatArray, float]:
+    """Return times in some of the cells and one beside them, and how far they are apart [s]."""
+    step = motion.duration / (cells * _CELLS.samples)
+    times = np.arange(part.start * _CELLS.samples - 1, part.stop * _CELLS.samples + 2) * step
+    return times, step
+
+
+def _gather(between: FloatArray) -> FloatArray:
+    """Return the largest of what is between the samples of each cell and one to each side."""
+    wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
+    signs, kinds = wide.shape[:2]
+    peaks: FloatArray = wide.reshape(signs, kinds, -1, _CELLS.samples, 3).max(axis=3)
+    return peaks
 
 
 def _find_extremes(motion: Moving, times: FloatArray) -> FloatArray:
