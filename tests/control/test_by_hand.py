@@ -65,8 +65,7 @@ class Hand:
             self.follower = Follower(first, 1.0)
             self.targets.append(first.first)
         follower = self.follower
-        if follower.following is None:
-            follower.following = self.handed_over.get(follower.prepared.number)
+        follower.following = self.handed_over.get(follower.prepared.number)
         target = follower.advance()
         assert not follower.prepared.fence.refuses(target, self.targets[-1])
         self.targets.append(target)

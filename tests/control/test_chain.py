@@ -220,6 +220,25 @@ def test_a_part_is_gone_along_to_its_end_however_the_sum_with_its_lead_in_is_rou
     assert rounded > 0
 
 
+@pytest.mark.parametrize("begin", [3, 40])
+def test_others_may_come_in_the_place_of_the_next_ones_until_their_seam_is_passed(
+    parts: list[dg.Trajectory], chain: list[PreparedSetpoints], begin: int
+) -> None:
+    assert chain[0].seam is not None
+    whole = chain[0].trajectory
+    away = dg.transfer(brisk(), whole.position_at(whole.duration), (-41.0, 0.0, 300.0))
+    other = replace(prepare_part(away, chain[0].fence, 2), after=1)
+    walk = Walk(chain)
+    walk.go(begin)
+    walk.chain = [chain[0], other]
+    walk.come, walk.follower.following, walk.follower.last = 2, other, 2
+    walk.go(5000)
+    assert walk.follower.state is RunState.FINISHED
+    walk.on_path([parts[0], away])
+    walk.stays_within(brisk().stop_limits)
+    assert walk.targets[-1] == other.stretches[-1].grid[-1]
+
+
 def test_a_change_of_override_that_is_under_way_passes_a_seam(
     parts: list[dg.Trajectory], chain: list[PreparedSetpoints]
 ) -> None:

@@ -169,3 +169,23 @@ def test_what_is_no_program_is_refused_before_anything_moves(ready: dg.Robot, wr
     with pytest.raises(dg.InputError):
         ready.start_program(wrong)
     assert ready.current_run is None
+
+
+def test_a_run_leaves_its_path_for_another_goal_or_refuses_and_goes_on(
+    ready: dg.Robot, tmp_path: Path
+) -> None:
+    goal = (-41.0, -20.0, 305.0)
+    file = tmp_path / "left.mcap"
+    handle = ready.start_program(to_and_fro(None), brake_safe=False, log=file)
+    with pytest.raises(dg.PathError):
+        handle.go_to((-41.0, 0.0, 500.0))
+    assert not handle.done
+    handle.go_to(goal)
+    report = handle.wait(30.0)
+    assert report.completed and report.program is not None and not report.program.ended
+    np.testing.assert_allclose(ready.position, goal, atol=0.05)
+    from duoglide.playback.replay import prepare
+
+    np.testing.assert_allclose(prepare(file).parts[-1].position_at(9.0), goal, atol=1e-6)
+    with pytest.raises(dg.DriveError, match="over"):
+        handle.go_to(HOME)

@@ -118,13 +118,16 @@ def rebuild_parts(log: Log) -> list[Trajectory]:
     rows = program_rows(log, data)
     _require_every_cycle(log, data.cycle[rows])
     passed = np.unique(data.part[rows]).tolist()
-    if lost := sorted(set(range(passed[-1] + 1)) - set(plans)):
+    if lost := sorted(set(passed) - set(plans)):
         raise LogError(f"{log.path}: the plan of part {lost[0]} is not in it")
     for part in passed:
         whole = plans[part].whole or plans[part]
         _require_same_setpoints(log, whole, data, rows[data.part[rows] == part])
-    last = plans[passed[-1]]
-    return [*(plans[part] for part in range(passed[-1])), last.whole or last]
+    parts = [plans[part] for part in passed]
+    return [
+        part.whole or part if after is None or after.starts_at_rest else part
+        for part, after in zip(parts, [*parts[1:], None], strict=True)
+    ]
 
 
 def program_rows(log: Log, data: RunData) -> IntArray:

@@ -6,6 +6,7 @@ the work is doing: Python runs their handlers in the main thread alone, between 
 
 from __future__ import annotations
 
+import gc
 import os
 import threading
 from collections.abc import Callable
@@ -79,7 +80,11 @@ def _fulfil(future: Future[T], task: Callable[[], T]) -> None:
 
 @cache
 def load_planning() -> None:
-    """Load all that a motion is planned with, and try it: nothing loads once there is power."""
+    """Load all that a motion is planned with, and try it: nothing loads once there is power.
+
+    What is loaded then stays, and is not looked at any more when rubbish is collected: on a busy
+    computer that would keep the threads of this process waiting for most of a second.
+    """
     from duoglide.kinematics.home import home_position
     from duoglide.machine import Machine
     from duoglide.planning.limit_use import require_limits
@@ -89,3 +94,5 @@ def load_planning() -> None:
     home = home_position(machine)
     way = transfer.transfer(machine, home, home + np.array((0.0, 1.0, 0.0)))
     require_limits(way, machine.limits)
+    gc.collect()
+    gc.freeze()

@@ -367,7 +367,7 @@ class Robot:
         if log is not None:
             fit = ready.chain[-1].trajectory
             run_log = RunLog(log, self.machine, fit.to_document(), ready.way, self.bus)
-        plan = RunPlan(ready.chain, override, self.machine.drives, ready.use)
+        plan = RunPlan(ready.chain, override, self.machine.drives, ready.use, self._numbers)
         return self._begin(plan, run_log)
 
     def run_program(
@@ -531,7 +531,9 @@ class Robot:
             number = chain[-1].number
             run_log = RunLog(log, self.machine, part.document, way, self.bus, number=number)
         drives = self.machine.drives
-        return RunPlan(chain, override, drives, part.limit_use, feed, part.paths), run_log
+        return RunPlan(
+            chain, override, drives, part.limit_use, self._numbers, feed, part.paths
+        ), run_log
 
     def _require_ready(self) -> None:
         """Refuse to move what is not ready for it, and end what is over."""
@@ -621,7 +623,7 @@ class Robot:
             way = recover(self.machine, held)
             prepared = self._load(prepare(way, fence, 1, Phase.PROGRAM))
             use = measure_limit_use(way, self.machine)
-            return RunPlan((prepared,), 1.0, self.machine.drives, use)
+            return RunPlan((prepared,), 1.0, self.machine.drives, use, self._numbers)
 
         return wait_to_the_end(self._begin(self._do(get_ready), None))
 

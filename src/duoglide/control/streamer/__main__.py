@@ -119,7 +119,8 @@ class SocketInbox:
             self._following[prepared.after] = prepared
         if len(self._prepared) > _KEPT:
             oldest = self._prepared.pop(min(self._prepared))
-            self._following.pop(oldest.after, None)
+            if self._following.get(oldest.after) is oldest:
+                del self._following[oldest.after]
 
 
 def receive_setpoints(bulk: socket.socket, inbox: SocketInbox) -> None:

@@ -56,7 +56,7 @@ class Inbox(Protocol):
         ...
 
     def following(self, number: int) -> PreparedSetpoints | None:
-        """Return the setpoints that go on from others; None if they have not been handed over."""
+        """Return the newest setpoints that go on from others; None if there are none yet."""
         ...
 
     @property
@@ -397,8 +397,7 @@ class Streamer:
         gap = 0 if self._watch.too_late else min(self._skipped, DRIVES_BRIDGE)
         before, reached, follower.last = follower.prepared, follower.path_time, self._last
         waited = follower.waited if follower.starved else 0.0
-        if follower.following is None:
-            follower.following = self._inbox.following(before.number)
+        follower.following = self._inbox.following(before.number)
         target = follower.advance(1 + gap)
         if follower.prepared is not before:
             self._tell_part(follower.prepared, before, reached, waited)

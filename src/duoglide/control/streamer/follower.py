@@ -28,7 +28,8 @@ class Follower:
     Where the next ones take over in motion, they do so in the cycle in which the seam is passed, at
     whatever rate, and while that changes. If they come too late for that, the way to rest is
     followed, and the next ones are gone on with from wherever on it the motion has come to rest:
-    they lie on the same curve. At rest the next ones begin as soon as they have come.
+    they lie on the same curve. At rest the next ones begin as soon as they have come. Until their
+    seam is passed, others may come in their place.
 
     Args:
         prepared: What to follow.
@@ -61,7 +62,8 @@ class Follower:
 
     def _begin(self, prepared: PreparedSetpoints) -> None:
         """Have new setpoints followed from their start on."""
-        self.prepared, self._lead_in, self._carried = prepared, prepared.lead_in, False
+        self.prepared, self._lead_in = prepared, prepared.lead_in
+        self._beyond: PreparedSetpoints | None = None  # whose seam changes of rate may pass
         self.margin = prepared.stretches[0].margin(0.0)
         self._stretch, self._later = prepared.stretches[0], iter(prepared.stretches[1:])
         self._switched = 0
@@ -126,7 +128,7 @@ class Follower:
     def _restart(self, start: float, rate: float | None = None) -> None:
         """Begin anew at a path time of these setpoints [s]; at their override, or another rate."""
         before, prepared = self._clock, self.prepared
-        self._lead_in, self._carried = prepared.lead_in, False
+        self._lead_in, self._beyond = prepared.lead_in, None
         place = min(self._lead_in + start, prepared.bounds.duration)
         override = before.override if rate is None else rate
         clock = PathClock(prepared.bounds, prepared.cycle, start=place, override=override)
@@ -171,23 +173,28 @@ class Follower:
 
     def _reach_beyond_the_seam(self) -> None:
         """Let changes of rate end beyond the seam, from when on the next setpoints are there."""
-        following, seam = self.following, self.prepared.seam
-        if following is None or seam is None or self._carried or self._clock.changing:
+        following, prepared, seam = self.following, self.prepared, self.prepared.seam
+        if following is None or seam is None or following is self._beyond or self._clock.changing:
             return
-        if self.path_time < seam and following.pace is not None:
+        if self.path_time >= seam:
+            if self._clock.rate == 0.0 and following.lead_in:  # it is held on the way to rest
+                self._rejoin(following, seam)
+            return
+        if self._beyond is not None:  # others have come in the place of those
+            self._clock.carry_on(prepared.bounds, -prepared.lead_in)
+            self._lead_in, self._beyond = prepared.lead_in, None
+        if following.pace is not None:
             self._clock.carry_on(following.pace, self._lead_in)
-            self._lead_in, self._carried = 0.0, True
-        elif self._clock.rate == 0.0 and self.path_time > seam and following.lead_in:
-            self._rejoin(following, seam)  # it is held on the way to rest
+            self._lead_in, self._beyond = 0.0, following
 
     def _pass_seam(self, u: float) -> float:
         """Go over to the next setpoints if their seam is passed; return the path time there [s]."""
-        following, seam = self.following, self.prepared.seam
-        if following is None or seam is None or not self._carried or u < seam:
+        beyond, seam = self._beyond, self.prepared.seam
+        if beyond is None or seam is None or u < seam:
             return u
         outputs = self.prepared.outputs[self._switched :]
         self._due += [timed.output for timed in outputs if timed.time < seam]
-        self._begin(following)
+        self._begin(beyond)
         self.path_time = self._before = self._before - seam
         self._fresh = 0
         return u - seam
@@ -208,7 +215,6 @@ class Follower:
     def _rejoin(self, following: PreparedSetpoints, seam: float) -> None:
         """Go on with the next setpoints from a rest on the way to rest that replaced them."""
         if following.passing:
-            self.following = None
             return
         here = self.prepared.trajectory.profile
         beyond = here.at_time(self.path_time)[0] - here.at_time(seam)[0]

@@ -172,7 +172,7 @@ class PartFeed:
         self._room = threading.Condition()
         self._ahead: deque[int] = deque()  # numbers of the setpoints that wait for their turn
         self._newest = 0
-        self._closed = False
+        self._closed = self._paused = False
         self._failure: DuoglideError | None = None
 
     @property
@@ -226,8 +226,16 @@ class PartFeed:
     def _wait_for_room(self) -> bool:
         """Wait until the streamer may have another part; whether it still wants one."""
         with self._room:
-            self._room.wait_for(lambda: self._closed or len(self._ahead) < LOOK_AHEAD)
+            self._room.wait_for(
+                lambda: self._closed or (not self._paused and len(self._ahead) < LOOK_AHEAD)
+            )
         return not self._closed
+
+    def pause(self, paused: bool) -> None:
+        """Hand nothing over for a while, or go on; what is being handed over may still come."""
+        with self._room:
+            self._paused = paused
+            self._room.notify_all()
 
     def pass_on(self, number: int) -> None:
         """Take it that the setpoints of this number are moved along now."""

@@ -5,20 +5,24 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from duoglide.control.channel.events import Happening, RunState
 from duoglide.control.channel.orders import Command
 from duoglide.control.channel.scale import Scales
+from duoglide.control.channel.setpoints import Fence
 from duoglide.control.host.interrupt import endings_interrupt, undisturbed
 from duoglide.control.host.run.happenings import describe_event
+from duoglide.control.host.run.parts import PlannedPart, prepare_planned
 from duoglide.control.host.run.report import RunReport, Tally, require_success
 from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError
 from duoglide.motion.path_clock import require_override
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from duoglide.control.channel.ring import CycleEntry, EventEntry
     from duoglide.control.channel.scale import Triple
     from duoglide.control.channel.setpoints import PreparedSetpoints
@@ -26,9 +30,9 @@ if TYPE_CHECKING:
     from duoglide.control.host.process import StreamerProcess
     from duoglide.control.host.run.feed import PartFeed
     from duoglide.control.host.run.fitness import LimitUse
-    from duoglide.control.host.run.parts import PlannedPart
     from duoglide.control.host.run.run_log import RunLog
     from duoglide.machine import DriveSettings
+    from duoglide.planning.trajectory import Trajectory
 
 _SETTLING_CYCLES = 10  # recorded after the end, so that the log shows the carriages arrive
 _SETTLING_PATIENCE = 2.0  # [s]
@@ -68,6 +72,7 @@ class RunPlan:
         override: Rate to begin with.
         drives: Of the machine.
         limit_use: Of the trajectory, for the report; of a program its first part's.
+        numbers: Of setpoints: the next ones that are handed over get the next number.
         feed: What comes after the chain; None: nothing.
         paths: Of a program: how many are done when the chain is.
     """
@@ -76,6 +81,7 @@ class RunPlan:
     override: float
     drives: DriveSettings
     limit_use: LimitUse
+    numbers: Iterator[int]
     feed: PartFeed | None = None
     paths: int = 0
 
@@ -99,8 +105,9 @@ class RunHandle:
         self._over = threading.Event()
         self._resources = ExitStack()
         self._report: RunReport | None = None
+        self._ways = {one.number: one.trajectory for one in plan.chain}  # not passed yet
         self._approaching = plan.chain[0].phase is Phase.APPROACH
-        self._override = plan.override
+        self._override, self._current = plan.override, first
         self._refusal = ""
         self._failure: DuoglideError | None = None
         listeners = (self, self._tally)
@@ -119,6 +126,7 @@ class RunHandle:
 
     def _take_part(self, number: int, part: PlannedPart) -> None:
         """Keep what the report and the log need of a part, before the streamer has it."""
+        self._ways[number] = part.prepared.trajectory
         self._tally.plan_paths(number, part.paths)
         self._tally.limit_use = self._tally.limit_use.worst(part.limit_use)
         if self._log is not None:
@@ -141,8 +149,11 @@ class RunHandle:
             self._over.set()
         elif event.kind in (Happening.STARTED, Happening.PART):
             self._approaching = event.kind == Happening.STARTED and event.detail == Phase.APPROACH
+            self._current = int(event.value)
+            for passed in [number for number in list(self._ways) if number < self._current]:
+                del self._ways[passed]
             if self._plan.feed is not None:
-                self._plan.feed.pass_on(int(event.value))
+                self._plan.feed.pass_on(self._current)
 
     # What the operator calls
 
@@ -166,6 +177,60 @@ class RunHandle:
     def stop(self) -> None:
         """Come to rest on the path and end the run; the drives stay on."""
         self._process.order(Command.STOP)
+
+    def go_to(self, position: ArrayLike) -> None:
+        """Leave the path for another goal, and end the run there; returns once it is left.
+
+        The motion goes on as far as the streamer has parts, at most five of them; a single
+        trajectory is one. It follows the way to rest of the last one, and goes on from there by a
+        planned and checked transfer. What was to come after that is dropped. Where the goal is
+        refused, the run goes on as it was.
+
+        Args:
+            position: Platform centre O' in the base frame [mm], shape (3,).
+
+        Raises:
+            InputError: Not three finite numbers.
+            PathError: There is no safe way there.
+            DriveError: The run ended, or was stopped, before the path could be left.
+        """
+        feed = self._plan.feed
+        if feed is not None:
+            feed.pause(True)
+        try:
+            left = self._leave(position)
+        except BaseException:
+            if feed is not None:
+                feed.pause(False)
+            raise
+        if not left:
+            raise DriveError("the run was over before its path could be left")
+        if feed is not None:
+            feed.close()
+
+    def _leave(self, position: ArrayLike) -> bool:
+        """Go over to another goal after the newest part; whether the run was not over before."""
+        while not self.done:
+            number = max(list(self._ways))
+            goal = self._number_goal(number, self._ways[number], position)
+            self._process.order(Command.END, goal)
+            self._monitor.wait_until(lambda: self.done or self._current > number, None)  # noqa: B023
+            if self._current == goal:
+                self._process.order(Command.END, goal)  # a program that ends meanwhile says another
+                return True
+        return False
+
+    def _number_goal(self, number: int, way: Trajectory, position: ArrayLike) -> int:
+        """Hand over a transfer from where a way comes to rest; return the number it has."""
+        from duoglide.planning.transfer.transfer import transfer
+
+        leave = transfer(way.machine, way.position_at(way.duration), position)
+        part = prepare_planned(leave, Fence.of(way.machine), 1, None)
+        goal = next(self._plan.numbers)
+        if self._log is not None:
+            self._log.add_part(goal, part.document)
+        self._process.load(replace(part.prepared, number=goal, after=number))
+        return goal
 
     def quick_stop(self) -> None:
         """Let every drive brake by itself, now; latched until ``Robot.reset_fault``."""
