@@ -79,6 +79,7 @@ class Limits(NamedTuple):
     speed: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    force: FloatArray
 
     def window(self, low: int, high: int) -> Limits:
         """Return the cells from ``low`` to before ``high``."""
