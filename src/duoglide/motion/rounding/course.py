@@ -11,13 +11,16 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from duoglide.arrays import BoolArray, FloatArray, IndexArray
 from duoglide.motion.path.segments import COINCIDENT, Line, Point, Segment
 from duoglide.motion.rounding.blend import Blend, Corner
-from duoglide.motion.rounding.fit import Fit, fit_points
+
+if TYPE_CHECKING:
+    from duoglide.motion.rounding.fit import Fit
 
 SHARPEST = np.cos(np.radians(170.0))  # corners that turn back further than this are rests
 _SHALLOW = 0.21875  # times cut-back and sine of half the turn: how far a blend is from its corner
@@ -300,6 +303,8 @@ class _Chain:
             arrive = (self.points[last + 1] - self.points[last]) / self.lengths[last]
             points.append(self.points[last] + tail * arrive)
             limits.append(limits[-1])
+        from duoglide.motion.rounding.fit import fit_points  # scipy takes a second to import
+
         fit = fit_points(np.array(points), np.array(limits), leave, arrive)
         return None if fit is None else Fitted(fit, _point(points[0]), _point(points[-1]))
 

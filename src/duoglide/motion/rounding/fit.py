@@ -40,7 +40,7 @@ _LOOK = 25  # sweeps from one look at what still moves to the next
 _STILL = 3e-3  # of the tolerance; control points that move less are found
 _RELAXED = 1.6
 _STIFF = 30.0  # of the penalty, over what balances both sides at the length of a span
-_HURRY = 3.0  # power of the pace by which fairness counts: where it is quick, bends cost more
+_HURRY = 4.5  # power of the pace by which fairness counts: where it is quick, bends cost more
 _SLOWEST = 0.05  # of the quickest pace
 _DENSE = 100  # control points up to which full matrices are quicker than banded ones
 _PARTS = 4  # of each line, where its distance from the curve is bounded
@@ -132,6 +132,9 @@ class _Work:
             spline = self._choose_knots()
             if turn < _CARRIED:
                 self._carry(spline)
+        # The third derivative steps from span to span, and the jerk of a motion with it. Knots that
+        # just meet the tolerance leave steps which a motion has to slow down for.
+        self.knots = np.sort(np.concatenate([self.knots, 0.5 * (self.knots[1:] + self.knots[:-1])]))
 
     def _choose_knots(self) -> BSpline:
         """Fit by least squares, and put in knots where that misses."""

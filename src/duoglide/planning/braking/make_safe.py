@@ -48,7 +48,7 @@ class _Caps(NamedTuple):
     sample: float = 0.001
     samples: tuple[int, int] = (400, 40_000)
     rounds: int = 5
-    tighter: float = 0.97
+    tighter: float = 0.95
     slowest: float = 0.002
     halvings: int = 7
     least_speed: float = 10.0
