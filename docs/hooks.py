@@ -1,8 +1,11 @@
 """What mkdocs asks for while it builds: docstrings cite as Sphinx does, pages as people do."""
 
+import inspect
+import re
 from pathlib import Path
 from typing import Any
 
+import duoglide
 from duoglide.control.host.commission import probe_dictionary
 from duoglide.drives.onboarding.probe_text import tables
 from duoglide.machine import Machine
@@ -10,15 +13,37 @@ from duoglide.machine.drive_contract import CONTRACT, ContractObject, Need
 
 _CONTRACT = "<!-- the contract, object by object -->"
 _PROBED = "<!-- what probing acme_sd1.eds prints -->"
+_NAMES = "<!-- every name of the library -->"
+_ENTRY = re.compile(r"^::: dg\.(\w+)\n(?: {4}options:\n)?", re.M)
 _DICTIONARY = Path(__file__).parent / "howto" / "acme_sd1.eds"
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Put what is made from the code in its places."""
-    for mark, make in ((_CONTRACT, contract_table), (_PROBED, probed_dictionary)):
+    for mark, make in (
+        (_CONTRACT, contract_table),
+        (_PROBED, probed_dictionary),
+        (_NAMES, name_table),
+    ):
         if mark in markdown:
             markdown = markdown.replace(mark, make())
-    return markdown
+    return _ENTRY.sub(_under_its_name, markdown)
+
+
+def _under_its_name(entry: re.Match[str]) -> str:
+    """Describe ``dg.NAME`` where it is written, under the name by which it is called."""
+    name = entry[1]
+    head = f"      heading: dg.{name}\n      toc_label: dg.{name}\n"
+    return f"::: duoglide.{duoglide._HOME_OF[name]}.{name}\n    options:\n{head}"
+
+
+def name_table() -> str:
+    """Return every name of the library with the first line of its docstring, as a table."""
+    rows = ["| name | what it is |", "|---|---|"]
+    for name in sorted(duoglide.__all__, key=str.lower):
+        first = inspect.getdoc(getattr(duoglide, name)).partition("\n")[0].replace("``", "`")
+        rows.append(f"| [`dg.{name}`][duoglide.{duoglide._HOME_OF[name]}.{name}] | {first} |")
+    return "\n".join(rows)
 
 
 def on_page_content(html: str, **_: Any) -> str:

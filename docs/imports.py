@@ -111,7 +111,7 @@ def sources_now() -> dict[str, str]:
 def draw(axes: Axes, house: House, title: str) -> None:
     """Draw one matrix, with a frame around each folder."""
     rows, columns = np.nonzero(house.imports & ~house.circular)
-    axes.plot(columns, rows, "s", ms=1.2, color="#1f5a96")
+    axes.plot(columns, rows, "s", ms=1.2, color="#5e3c99")
     rows, columns = np.nonzero(house.circular)
     axes.plot(columns, rows, "s", ms=2.2, color="#c8102e")
     layers = [folder.split("/")[1] if "/" in folder else "errors" for folder in house.folders]

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from itertools import islice
 
 import duoglide as dg
-from duoglide.control.host.run.handle import RunHandle
 
 BELT, BOX = (-41, -100, 295), (-41, 100, 295)  # [mm]
 
@@ -45,12 +44,8 @@ with dg.Robot.connect(machine) as robot:
     run = robot.run(trajectory, log="ten_moves.mcap", approach=True)
     assert run.completed
 
-    # Without an end: while one move runs, the next one is planned. Here four of them.
-    running: RunHandle | None = None
-    endless = dg.plan_program(machine, dg.picks(islice(stations(), 5), lift=25))
-    for move in endless:
-        if running is not None:
-            assert running.wait().completed
-        running = robot.start(move, approach=True)
-    assert running is not None
-    assert running.wait().completed
+    # Without an end: while one move runs, the next ones are planned. Here four of them.
+    run = robot.run_program(dg.picks(islice(stations(), 5), lift=25), approach=True)
+    assert run.completed
+    assert run.program is not None
+    print(f"{run.program.paths} moves, planned while they ran; waited {run.program.waits} times")

@@ -10,7 +10,7 @@ from packaging.version import Version
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-TOOLS = {"duoglide", "mkdocs-material", "mkdocstrings", "playwright", "ruff", "mypy"}
+TOOLS = {"duoglide", "mkdocs-material", "mkdocstrings", "mike", "playwright", "ruff", "mypy"}
 TOOLS |= {"import-linter"}  # they look at the code, and nothing depends on what they compute
 
 

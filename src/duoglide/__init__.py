@@ -30,6 +30,11 @@ if TYPE_CHECKING:
     from duoglide.errors import SingularityError as SingularityError
     from duoglide.errors import UnreachableError as UnreachableError
     from duoglide.kinematics.carriage_margin import carriage_margin as carriage_margin
+    from duoglide.kinematics.dynamics.dynamics import carriage_forces as carriage_forces
+    from duoglide.kinematics.dynamics.dynamics import kinetic_energy as kinetic_energy
+    from duoglide.kinematics.dynamics.dynamics import mass_matrix as mass_matrix
+    from duoglide.kinematics.dynamics.dynamics import platform_acceleration as platform_acceleration
+    from duoglide.kinematics.dynamics.dynamics import potential_energy as potential_energy
     from duoglide.kinematics.export import to_mjcf as to_mjcf
     from duoglide.kinematics.model import forward as forward
     from duoglide.kinematics.model import inverse as inverse
@@ -50,6 +55,7 @@ if TYPE_CHECKING:
     from duoglide.machine import DriveSettings as DriveSettings
     from duoglide.machine import Geometry as Geometry
     from duoglide.machine import Machine as Machine
+    from duoglide.machine import Masses as Masses
     from duoglide.machine import Timing as Timing
     from duoglide.motion.motion import State as State
     from duoglide.motion.path.actions import Dwell as Dwell
@@ -94,6 +100,13 @@ _HOMES = {
         "UnreachableError",
     ),
     "kinematics.carriage_margin": ("carriage_margin",),
+    "kinematics.dynamics.dynamics": (
+        "carriage_forces",
+        "kinetic_energy",
+        "mass_matrix",
+        "platform_acceleration",
+        "potential_energy",
+    ),
     "kinematics.export": ("to_mjcf",),
     "kinematics.model": ("forward", "inverse", "jacobian", "reachable"),
     "kinematics.modes": ("AssemblyMode", "WorkingMode"),
@@ -104,7 +117,15 @@ _HOMES = {
         "forward_all",
         "inverse_all",
     ),
-    "machine": ("Box", "CarriageLimits", "DriveSettings", "Geometry", "Machine", "Timing"),
+    "machine": (
+        "Box",
+        "CarriageLimits",
+        "DriveSettings",
+        "Geometry",
+        "Machine",
+        "Masses",
+        "Timing",
+    ),
     "motion.path.actions": ("Dwell", "SetOutput", "WaitInput"),
     "motion.rounding.blend": ("Blend",),
     "motion.path.checked": ("CheckedPath",),

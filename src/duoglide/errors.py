@@ -10,8 +10,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
+def printable(text: str) -> str:
+    r"""Return a text with what is no letter of any script written as an escape, but line ends.
+
+    Texts of files, drives and frames are quoted where people read them; on a terminal, control
+    characters would move its cursor, change its colours, or worse.
+
+    Example:
+        >>> printable("a drive called \x1b[31mred")
+        'a drive called \\x1b[31mred'
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        letter if letter.isprintable() or letter == "\n" else ascii(letter)[1:-1] for letter in text
+    )
+
+
 class DuoglideError(Exception):
-    """Base of everything that Duoglide raises on purpose."""
+    """Base of everything that Duoglide raises on purpose; its message can be shown anywhere."""
+
+    def __str__(self) -> str:
+        """Return its message, of printable letters."""
+        return printable(super().__str__())
 
 
 class DuoglideWarning(UserWarning):

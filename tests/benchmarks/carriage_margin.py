@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 
 import duoglide as dg
-from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn, save
+from duoglide.drawing.picture import CURVE, LIMIT, LOST, Picture, drawn, save
 from duoglide.drawing.section import OUTLINE, with_walls
 from duoglide.kinematics.workspace import section
 
@@ -56,9 +56,9 @@ def _draw_lost(axes: Axes, machine: dg.Machine, fields: tuple[np.ndarray, ...]) 
         clear & (loose >= machine.carriage_margin),
         clear & (loose < machine.carriage_margin),
     )
-    axes.contourf(x, z, kept, levels=[0.5, 1.5], colors=[COLOURS[0]], alpha=0.22)
-    axes.contourf(x, z, lost, levels=[0.5, 1.5], colors=[COLOURS[1]], alpha=0.75)
-    lines = axes.contour(x, z, loose, levels=LEVELS, colors=COLOURS[0], linewidths=0.7)
+    axes.contourf(x, z, kept, levels=[0.5, 1.5], colors=[CURVE], alpha=0.22)
+    axes.contourf(x, z, lost, levels=[0.5, 1.5], colors=[LOST], alpha=0.75)
+    lines = axes.contour(x, z, loose, levels=LEVELS, colors=CURVE, linewidths=0.7)
     axes.clabel(lines, fmt="%g", fontsize=6.5, manual=LABELS)
     for line in with_walls([line for _, line in section(machine.geometry).outline()]):
         axes.plot(*line.T, color=OUTLINE, linewidth=0.8)
@@ -69,9 +69,9 @@ def _draw_lost(axes: Axes, machine: dg.Machine, fields: tuple[np.ndarray, ...]) 
     axes.set(xlabel="x [mm]", ylabel="z [mm]", title="Across the rails")
     axes.grid(visible=False)
     keys = [
-        Patch(color=COLOURS[0], alpha=0.22, label="kept; lines: carriage margin [mm]"),
+        Patch(color=CURVE, alpha=0.22, label="kept; lines: carriage margin [mm]"),
         Patch(
-            color=COLOURS[1],
+            color=LOST,
             alpha=0.75,
             label=f"carriage margin below {machine.carriage_margin:g} mm: {100.0 * share:.0f} %",
         ),
@@ -85,11 +85,11 @@ def _draw_above_legs_flat(axes: Axes, machine: dg.Machine) -> None:
     above = np.geomspace(0.5, 40.0, 200)
     places = np.stack([np.full(above.size, MIDDLE), np.zeros(above.size), flat + above], axis=-1)
     loose = dg.carriage_margin(g, places)
-    axes.loglog(above, loose, color=COLOURS[0])
+    axes.loglog(above, loose, color=CURVE)
     axes.axhline(machine.carriage_margin, color=LIMIT, linestyle="--", linewidth=1.0)
     axes.axvline(machine.clearance, color=LIMIT, linestyle="--", linewidth=1.0)
     at = float(np.interp(machine.clearance, above, loose))
-    axes.plot(machine.clearance, at, "o", color=COLOURS[1], markersize=4.0)
+    axes.plot(machine.clearance, at, "o", color=LOST, markersize=4.0)
     axes.annotate(
         f"{machine.clearance:g} mm of clearance are\n{at:.3f} mm of the carriages",
         (machine.clearance, at), (8.0, -4.0), textcoords="offset points", fontsize=7.0, va="top",

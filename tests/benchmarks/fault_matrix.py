@@ -8,18 +8,26 @@ that differs. *Off path*: how far the platform was from the planned path at the 
 everything stood, by what the simulated carriages really did; ``apart`` where they were where the
 links cannot close. With words on the command line, only faults whose names have one of them.
 
+
+Where the host itself is killed, frozen or told to end it is a process of its own
+(``tests/support/host_process.py``). With ``--write FILE`` the tables of a page in Markdown become
+those of this run: the first one gets the faults of a moving machine, the second those of files.
+
 The exit code is 1 where a reaction is not the one that is expected.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
+import re
 import signal
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -32,15 +40,18 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 import file_attacks
 import page_attacks
 from bus_proxy import Act, BusProxy, Frame, Spoiler, Way
+from host_process import HostProcess
 from page_attacks import Target
 
 import duoglide as dg
 from duoglide.control.host.run.handle import RunHandle
+from duoglide.drives.cia402 import State
 from duoglide.drives.simulation import faults
 from duoglide.drives.simulation.faults import Injection
+from duoglide.drives.simulation.rack import DriveSnapshot
 from duoglide.drives.simulation.simulated import SimulatedDrives
 from duoglide.kinematics.home import home_carriages
-from duoglide.storage import CycleRecord, EventKind, Log, Phase, Topic, read_log
+from duoglide.storage import CycleRecord, EventKind, Log, LogWarning, Phase, Topic, read_log
 from duoglide.viewer.page import Page
 
 MACHINE = dg.Machine.default()
@@ -60,8 +71,14 @@ NEWS = (EventKind.FAULT, EventKind.EMERGENCY, EventKind.BUS, EventKind.QUICK_STO
 
 COMPLETED, STOPPED, QUICK = "completed", "stop on the path", "quick stop"
 FOLLOWED = "follows the drive"
+WATCHDOGS = "drives' watchdogs"
 REFUSED, HARMLESS = "refused", "derived again"
 ANY_STOP = frozenset({STOPPED, QUICK, FOLLOWED})
+BRAKING = (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE, State.FAULT)
+HEAD = "| fault | reaction | cycles | off path [mm] | log whole |"
+FILES_HEAD = "| what is given | what follows |"
+OFF_WITHIN = 2.0  # [s] that a machine gets to stand without power, once its host is gone
+PATIENCE = 20.0  # [s] for a busy computer to end a process that is on its way out
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,12 +270,13 @@ def _host() -> Iterator[Fault]:
     yield Fault("streamer paused 5 ms", _pause(0.005), ANY_STOP | {COMPLETED})
     yield Fault("streamer paused 15 ms", _pause(0.015), ANY_STOP)
     yield Fault("streamer paused 60 ms", _pause(0.06), ANY_STOP)
-    yield Fault(
-        "streamer killed",
-        lambda scene: os.kill(scene.robot._connection.process.pid, signal.SIGKILL),
-        ANY_STOP,
-    )
+    yield Fault("streamer killed", _signal_streamer(signal.SIGKILL), _set(WATCHDOGS))
+    yield Fault("streamer frozen for good", _signal_streamer(signal.SIGSTOP), _set(WATCHDOGS))
     yield Fault("200 orders at once", _hammer, _set(COMPLETED))
+
+
+def _signal_streamer(number: signal.Signals) -> Callable[[Scene], None]:
+    return lambda scene: os.kill(scene.robot._connection.process.pid, number)
 
 
 def _hold_and_stop(scene: Scene) -> None:
@@ -280,6 +298,38 @@ def _page() -> Iterator[Fault]:
         yield Fault(name, _of_the_page(attack), _set(STOPPED), 0.1, page=True)
 
 
+@dataclass(frozen=True, slots=True)
+class HostFault:
+    """A signal to a host in a process of its own, or to its streamer.
+
+    Attributes:
+        name: In the table.
+        number: The signal.
+        how: What the host does; see ``host_process``.
+        ends: Exit codes that its end may have; None: it is frozen, and lives on.
+        streamer: Whether it is the streamer that gets the signal.
+    """
+
+    name: str
+    number: signal.Signals
+    ends: frozenset[int | None]
+    how: str = "run"
+    streamer: bool = False
+
+
+HOST_FAULTS = (
+    HostFault("host killed (SIGKILL)", signal.SIGKILL, frozenset({-9})),
+    HostFault("host frozen (SIGSTOP)", signal.SIGSTOP, frozenset({None})),
+    HostFault("host told to end (SIGTERM)", signal.SIGTERM, frozenset({-2})),
+    HostFault("host told to end (SIGHUP)", signal.SIGHUP, frozenset({-2})),
+    HostFault("host told to end (Ctrl-C)", signal.SIGINT, frozenset({-2})),
+    HostFault("host stuck, then SIGTERM", signal.SIGTERM, frozenset({143}), "stuck"),
+    HostFault("host stuck in C, then SIGTERM", signal.SIGTERM, frozenset({-9}), "locked"),
+    HostFault("host's streamer killed", signal.SIGKILL, frozenset({1}), streamer=True),
+    HostFault("host's streamer frozen", signal.SIGSTOP, frozenset({1}), streamer=True),
+)
+
+
 def _of_the_page(attack: Callable[[Target], str]) -> Callable[[Scene], str]:
     def inject(scene: Scene) -> str:
         assert scene.target is not None
@@ -294,19 +344,53 @@ def _of_the_page(attack: Callable[[Target], str]) -> Callable[[Scene], str]:
 FAULTS = (*_bus(), *_drives(), *_host(), *_page())
 
 
-def measure_file(name: str, attack: Callable[[Path], str], folder: Path) -> str:
-    """Give a file to whoever would move a machine with it, and return its line of the table."""
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of the table.
+
+    Attributes:
+        good: Whether the reaction is one that is expected.
+        name: Of the fault.
+        reaction: What followed.
+        cycles: From the news to the first frame that differs.
+        off: How far off the path the platform was [mm]; None where nothing moved.
+        log: Whether it is whole.
+        said: What was reported.
+    """
+
+    good: bool
+    name: str
+    reaction: str
+    cycles: str = "-"
+    off: float | None = None
+    log: str = "-"
+    said: str = ""
+
+    @property
+    def words(self) -> tuple[str, str, str, str, str]:
+        """What is said of each column that both tables have."""
+        off = "-" if self.off is None else "apart" if np.isinf(self.off) else f"{self.off:.3f}"
+        return self.name, self.reaction, self.cycles, off, self.log
+
+    def __str__(self) -> str:
+        """Return the line for a terminal."""
+        name, reaction, cycles, off, log = self.words
+        head = f"{' ' if self.good else '!'} {name:<40}{reaction:<18}{cycles:>6}{off:>10}"
+        return f"{head}   {log:<5}{self.said}"
+
+
+def measure_file(name: str, attack: Callable[[Path], str], folder: Path) -> Row:
+    """Give a file to whoever would move a machine with it."""
     try:
         words, reaction = attack(folder), HARMLESS
     except dg.DuoglideError as error:
         words, reaction = str(error).replace(f"{folder}/", ""), REFUSED
     expected = REFUSED if name in file_attacks.REFUSED else HARMLESS
-    good = " " if reaction == expected else "!"
-    return f"{good} {name:<40}{reaction:<18}{'-':>6}{'-':>10}   {'-':<5}{words:.110}"
+    return Row(reaction == expected, name, reaction, said=f"{words:.110}")
 
 
-def measure(fault: Fault, folder: Path) -> str:
-    """Run, inject, and return the fault's line of the table."""
+def measure(fault: Fault, folder: Path) -> Row:
+    """Run and inject."""
     path = folder / "run.mcap"
     start = home_carriages(MACHINE).tolist()
     trajectory = dg.plan(MACHINE, PATH)
@@ -322,7 +406,7 @@ def measure(fault: Fault, folder: Path) -> str:
         handle = robot.start(trajectory, log=path, override=fault.override)
         while handle.status.path_time < WHEN * trajectory.duration and not handle.done:
             time.sleep(0.0005)
-        with Watch(drives) as places:
+        with Watch(drives) as seen:
             told = fault.inject(Scene(drives, proxy, robot, handle, target))
             said = [told] if isinstance(told, str) else []
             try:
@@ -336,15 +420,71 @@ def measure(fault: Fault, folder: Path) -> str:
         for axis in (1, 2, 3):
             drives.inject(faults.Clear(axis))
     log = read_log(path)
-    rows = [(t, r) for t, r in log.records(Topic.CYCLE) if isinstance(r, CycleRecord)]
-    reaction = COMPLETED if completed else _reaction(rows)
-    away = _deviation(trajectory, np.array(places))
-    whole = "no" if log.missing else "yes"
-    good = " " if reaction in fault.expected else "!"
-    return (
-        f"{good} {fault.name:<40}{reaction:<18}{_delay(log, rows):>6}"
-        f"{'apart' if np.isinf(away) else f'{away:.3f}':>10}   {whole:<5}{'; '.join(said)}"
+    rows = _cycles(log)
+    reaction = COMPLETED if completed else _reaction(rows, seen)
+    return Row(
+        reaction in fault.expected,
+        fault.name,
+        reaction,
+        _delay(log, rows),
+        _deviation(trajectory, seen),
+        "no" if log.missing else "yes",
+        "; ".join(said),
     )
+
+
+def measure_host(fault: HostFault, folder: Path) -> Row:
+    """Run in a process of its own, and send it, or its streamer, a signal."""
+    log_file, plan = folder / "run.mcap", folder / "plan.mcap"
+    start = home_carriages(MACHINE).tolist()
+    trajectory = dg.plan(MACHINE, PATH)
+    trajectory.save(plan)
+    when = WHEN * trajectory.duration
+    with (
+        SimulatedDrives(MACHINE.drives, start, standstill=0.0) as drives,
+        HostProcess(drives.address, plan, log_file, when, fault.how) as host,
+        Watch(drives) as seen,
+    ):
+        begun = time.monotonic()
+        if fault.streamer:
+            os.kill(host.streamer, fault.number)
+        else:
+            host.send(fault.number)
+        off = _until_off(drives, {State.SWITCH_ON_DISABLED, *(BRAKING if fault.streamer else ())})
+        code = host.wait(OFF_WITHIN if None in fault.ends else PATIENCE)
+        lasted = time.monotonic() - begun
+    said = f"drives stand and are off {off:.1f} s later; "
+    said += "the host lives on" if code is None else f"host ended {lasted:.1f} s later: {code}"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # the log of a host that is killed has no end
+        log = read_log(log_file)
+    rows = _cycles(log)
+    reaction = _reaction(rows, seen)
+    good = reaction == (WATCHDOGS if fault.streamer else STOPPED) and code in fault.ends
+    return Row(
+        good and off < OFF_WITHIN,
+        fault.name,
+        reaction,
+        _delay(log, rows),
+        _deviation(trajectory, seen),
+        "cut" if log.missing else "yes",
+        said,
+    )
+
+
+def _until_off(drives: SimulatedDrives, states: set[State]) -> float:
+    """Wait until all drives stand in one of some states; return how long it took [s]."""
+    begun = time.monotonic()
+    while time.monotonic() - begun < PATIENCE:
+        now = drives.snapshot()
+        if all(abs(drive.velocity) < 0.5 and drive.state in states for drive in now):
+            return time.monotonic() - begun
+        time.sleep(0.01)
+    return PATIENCE
+
+
+def _cycles(log: Log) -> list[tuple[float, CycleRecord]]:
+    return [(t, r) for t, r in log.records(Topic.CYCLE) if isinstance(r, CycleRecord)]
 
 
 @contextmanager
@@ -363,16 +503,16 @@ def _served(
 
 
 class Watch:
-    """Where the carriages really are, as often as they can be asked; a context manager."""
+    """What the drives really do, as often as they can be asked; a context manager."""
 
     def __init__(self, drives: SimulatedDrives) -> None:
         self._drives, self._over = drives, threading.Event()
-        self._places: list[list[float]] = []
+        self._seen: list[tuple[DriveSnapshot, ...]] = []
         self._thread = threading.Thread(target=self._watch)
 
-    def __enter__(self) -> list[list[float]]:
+    def __enter__(self) -> list[tuple[DriveSnapshot, ...]]:
         self._thread.start()
-        return self._places
+        return self._seen
 
     def __exit__(self, *_: object) -> None:
         self._over.set()
@@ -380,19 +520,25 @@ class Watch:
 
     def _watch(self) -> None:
         while not self._over.is_set():
-            self._places.append([drive.position for drive in self._drives.snapshot()])
+            self._seen.append(self._drives.snapshot())
 
 
-def _reaction(rows: list[tuple[float, CycleRecord]]) -> str:
+def _reaction(
+    rows: list[tuple[float, CycleRecord]], seen: Sequence[tuple[DriveSnapshot, ...]]
+) -> str:
     """Tell how a run was stopped.
 
     Where a drive is followed, the two others are enabled until all stand; else they get a quick
-    stop at once, or as soon as it is seen that the drive does not brake.
+    stop at once, or as soon as it is seen that the drive does not brake. Where nobody told them to,
+    and they have braked, it was their watchdogs.
     """
     words = [record.controlword for _, record in rows if record.phase is Phase.STOP]
     if sum(sorted(map(ENABLED.__eq__, three)) == [False, True, True] for three in words) > 3:
-        return QUICK if any(QUICK_STOP in three for three in words) else FOLLOWED
-    return QUICK if any(QUICK_STOP in record.controlword for _, record in rows) else STOPPED
+        return QUICK if any(three.count(QUICK_STOP) > 1 for three in words) else FOLLOWED
+    if any(QUICK_STOP in record.controlword for _, record in rows):
+        return QUICK
+    braked = any(sum(drive.state in BRAKING for drive in drives) > 1 for drives in seen)
+    return WATCHDOGS if braked else STOPPED
 
 
 def _delay(log: Log, rows: list[tuple[float, CycleRecord]]) -> str:
@@ -404,8 +550,9 @@ def _delay(log: Log, rows: list[tuple[float, CycleRecord]]) -> str:
     return str(max(0, round((changed[0] - told[0]) / MACHINE.drives.cycle)))
 
 
-def _deviation(trajectory: dg.Trajectory, carriages: np.ndarray) -> float:
+def _deviation(trajectory: dg.Trajectory, seen: Sequence[tuple[DriveSnapshot, ...]]) -> float:
     """Worst distance of the platform from the path [mm]; infinite where links are apart."""
+    carriages = np.unique([[drive.position for drive in drives] for drives in seen], axis=0)
     path = trajectory.position_at(np.linspace(0.0, trajectory.duration, 20_000))
     try:
         places = dg.forward(MACHINE.geometry, carriages)
@@ -414,26 +561,49 @@ def _deviation(trajectory: dg.Trajectory, carriages: np.ndarray) -> float:
     return float(max(np.linalg.norm(path - place, axis=1).min() for place in places))
 
 
-def _rows() -> Iterator[tuple[str, Callable[[Path], str]]]:
+def _rows() -> Iterator[tuple[str, Callable[[Path], Row]]]:
     """Yield the name of each row, and what makes it in a folder."""
     for fault in FAULTS:
         yield fault.name, partial(measure, fault)
+    for host_fault in HOST_FAULTS:
+        yield host_fault.name, partial(measure_host, host_fault)
     for name, attack in {**file_attacks.REFUSED, **file_attacks.HARMLESS}.items():
         yield name, partial(measure_file, name, attack)
 
 
+def write_tables(page: Path, rows: Sequence[Row]) -> None:
+    """Put the rows of a run into the two tables of a page, in the place of those that are there."""
+    moving = [f"| {' | '.join(row.words)} |" for row in rows if row.off is not None]
+    files = [f"| {row.name} | {row.reaction} |" for row in rows if row.off is None]
+    text = page.read_text(encoding="utf-8")
+    for head, lines in ((HEAD, moving), (FILES_HEAD, files)):
+        rule = "|---" * (head.count("|") - 1) + "|"
+        table = "\n".join([head, rule, *lines]) + "\n"
+        text, found = re.subn(re.escape(head) + r"\n(\|.*\n)*", lambda _, t=table: t, text)
+        assert found == 1, f"{page} has {found} tables with the head {head}"
+    page.write_text(text, encoding="utf-8")
+
+
 def main() -> int:
     """Print the matrix."""
-    wanted = sys.argv[1:]
+    parser = argparse.ArgumentParser()
+    parser.add_argument("words", nargs="*")
+    parser.add_argument("--write", type=Path)
+    options = parser.parse_args()
     print(f"  {'fault':<40}{'reaction':<18}{'cycles':>6}{'off path':>10}   log  what is reported")
-    wrong = 0
+    made = []
     for name, run in _rows():
-        if wanted and not any(word in name for word in wanted):
+        if options.words and not any(word in name for word in options.words):
             continue
         with tempfile.TemporaryDirectory() as folder:
-            line = run(Path(folder))
-        print(line, flush=True)
-        wrong += line.startswith("!")
+            made.append(run(Path(folder)))
+        print(made[-1], flush=True)
+    wrong = [row.name for row in made if not row.good]
+    print(
+        f"{len(made)} rows, {len(wrong)} not as expected{': ' if wrong else ''}{', '.join(wrong)}"
+    )
+    if options.write is not None:
+        write_tables(options.write, made)
     return 1 if wrong else 0
 
 

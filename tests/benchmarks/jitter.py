@@ -117,7 +117,7 @@ def draw(results: dict[str, np.ndarray], picture: Path) -> None:
     bins = np.geomspace(10.0, max(v.max() for v in results.values()) * 1.1, 80)
     settings = sorted({name.rpartition(": ")[0] for name in results})
     for axes, setting in zip(panels.ravel(), settings, strict=True):
-        for who, colour in (("C", "0.55"), ("streamer", "#0072b2")):
+        for who, colour in (("C", "0.55"), ("streamer", "#5e3c99")):
             values = np.maximum(results[f"{setting}: {who}"], bins[0])
             axes.hist(values, bins, histtype="step", color=colour, linewidth=1.4, label=who)
         axes.set_title(setting, fontsize=10)

@@ -1,6 +1,6 @@
 """Time the planner and its peers on the same moves, the same limits, in one run; print a table.
 
-    python tests/benchmarks/planner.py [--moves 200] [--seed 1]
+    python tests/benchmarks/planner.py [--moves 200] [--seed 1] [--witness 20]
 
 Every method but the last one moves along the same blended curve. "Over reference" is the duration
 over that of this planner on a fine grid. A method fails where it gives no motion, or one that
@@ -12,6 +12,9 @@ copp-py are asked in units in which the path is about 1 long and takes about 1: 
 finds nothing on three of the 200 moves of seed 1, where a square of a speed of some 1e7 and its own
 tolerances of 1e-10 to 1e-8 do not go together. What copp-py finds is slowed until its samples keep
 every limit, as the rest.
+
+The reference is the planner itself. So the first moves, 20 of them, are also timed by direct
+collocation with casadi and IPOPT (``witness.py``), which takes some 20 s a move.
 """
 
 from __future__ import annotations
@@ -39,6 +42,9 @@ from duoglide.planning.timing.span import Effort
 from duoglide.planning.timing.time_path import time_path
 
 copp_py: Any = None
+witness: Any = None
+if importlib.util.find_spec("casadi") is not None:
+    witness = importlib.import_module("witness")
 if importlib.util.find_spec("copp_py") is not None:
     copp_py = importlib.import_module("copp_py")
 
@@ -255,11 +261,38 @@ if copp_py is not None:
     METHODS["copp-py TOPP3-SOCP, 201 nodes, stretched"] = copp
 
 
+def compare_with_witness(every: list[Move], reference: list[float]) -> None:
+    """Print how long this planner's motions take beside those that direct collocation finds."""
+    if witness is None:
+        print("\ncasadi is not installed, no witness is asked: pip install casadi")
+        return
+    times: list[float] = []
+    planned, fine, steps = [], [], []
+    for move, best in zip(every, reference, strict=True):
+        begin = time.process_time()
+        geometry, limits = move.machine.geometry, move.machine.limits
+        found, used = witness.witness(geometry, limits, move.carriages.curve)
+        times.append(time.process_time() - begin)
+        if used:
+            planned.append(this_planner(move) / found)
+            fine.append(best / found)
+            steps.append(used)
+    print(
+        f"\n{len(steps)} of {len(every)} moves found by direct collocation too (casadi, IPOPT;"
+        f" {min(steps)} to {max(steps)} steps, {np.median(times):.0f} s in the median)."
+        "\nDuration over that:"
+    )
+    for name, ratios in (("Duoglide, blends given", planned), ("the reference", fine)):
+        low, middle, high = np.quantile(ratios, [0.0, 0.5, 1.0])
+        print(f"  {name}: median {middle:.4f}, worst {high:.4f}, least {low:.4f}")
+
+
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--moves", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--witness", type=int, default=20, help="moves timed by casadi too")
     chosen = parser.parse_args()
     every = moves(chosen.seed, chosen.moves)
     reference = [time_path(move.carriages, FINE).duration for move in every]
@@ -287,6 +320,8 @@ def main() -> None:
         print(f"| {name} | {' | '.join(cells)} | {failures} |")
     if copp_py is None:
         print("\ncopp-py is not installed, and not compared: pip install copp-py")
+    if chosen.witness:
+        compare_with_witness(every[: chosen.witness], reference)
 
 
 if __name__ == "__main__":

@@ -81,6 +81,9 @@ class World:
     def prepared(self, number: int) -> PreparedSetpoints | None:
         return self.handed_over.get(number)
 
+    def following(self, number: int) -> PreparedSetpoints | None:
+        return None
+
     def put_cycle(self, entry: CycleEntry) -> None:
         self.signs_of_life += 1
 
@@ -118,7 +121,8 @@ def main(cycles: int = 1_000_000) -> int:
                 del targets[:-1]
             assert not any(event.kind == Happening.TRIP for event in world.events), world.events
             world.events.clear()
-            world.waiting = [Order(Command.RUN, prepared.number, 1.0)]
+            number_of = prepared.number
+            world.waiting = [Order(Command.RUN, number_of, 1.0), Order(Command.END, number_of)]
             runs += 1
     took = time.perf_counter() - began
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory

@@ -29,3 +29,21 @@ def test_a_plan_is_shown_as_it_was_when_it_was_made(capsys: pytest.CaptureFixtur
     assert run(["log", "plan.mcap", "--json"]) == 0
     numbers = json.loads(capsys.readouterr().out)
     assert f"{numbers['plan']['duration']:.4f} s" in first
+
+
+def test_a_log_is_written_for_programs_that_show_robots(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(PLAN) == 0
+    capsys.readouterr()
+    goals = {"foxglove": "full.mcap", "layout": "l.json", "rerun": "plan.rrd", "ros2": "bag"}
+    options = [word for name, goal in goals.items() for word in (f"--{name}", goal)]
+    assert run(["log", "plan.mcap", *options, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["files"] == goals
+    for goal in goals.values():
+        assert Path(goal).exists()
+    assert run(["log", "plan.mcap", "--ros2", "bag"]) == 1
+    assert "cannot write bag: it is a folder" in capsys.readouterr().err
+    Path("taken").touch()
+    assert run(["log", "plan.mcap", "--ros2", "taken"]) == 1
+    assert "cannot write taken: it is there already" in capsys.readouterr().err

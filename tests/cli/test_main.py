@@ -256,12 +256,14 @@ def test_a_missing_extra_is_named(
 ) -> None:
     assert run(["plan", "--pick", "-41,0,300", "--place", "-41,40,300"]) == 0
     capsys.readouterr()
-    for module in ("pyarrow", "pyarrow.parquet", "viser"):
+    for module in ("pyarrow", "pyarrow.parquet", "viser", "rerun", "rosbags", "rosbags.rosbag2"):
         monkeypatch.setitem(sys.modules, module, None)
     assert "duoglide[parquet]" in refused(["log", "plan.mcap", "--parquet", "p.parquet"], capsys)
+    assert "duoglide[rerun]" in refused(["log", "plan.mcap", "--rerun", "plan.rrd"], capsys)
+    assert "duoglide[ros2]" in refused(["log", "plan.mcap", "--ros2", "bag"], capsys)
     assert "duoglide[view]" in refused(["view", "--port", "0"], capsys)
     assert "duoglide[view]" in refused(["stream", "plan.mcap", "--view", "0"], capsys)
-    assert not Path("p.parquet").exists()
+    assert sorted(path.name for path in Path().iterdir()) == ["plan.mcap"]
 
 
 def test_a_page_that_cannot_be_served_is_refused_before_anything_gets_power(

@@ -43,6 +43,9 @@ def test_a_day_of_the_machine(served: SimulatedDrives, capsys: pytest.CaptureFix
     moved = answer(capsys, "jog", "-1,2,0", *bus)
     assert moved["completed"]
     assert np.allclose(moved["position"], HOME + np.array([-1.0, 2.0, 0.0]), atol=0.02)
+    before = moved["position"]
+    moved = answer(capsys, "jog", "--velocity", "0,-10,0", "--seconds", "0.3", *bus)
+    assert moved["position"][1] < before[1] and not moved["faults"]
     served.inject(faults.DeviceFault(2))
     failed = answer(capsys, "jog", "0,1,0", *bus, code=1)
     assert failed["type"] == "DriveFault"

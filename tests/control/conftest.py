@@ -121,6 +121,7 @@ class Bench(HostByHand):
         )
         self.handed_over[prepared.number] = prepared
         self.order(Command.RUN, prepared.number, override)
+        self.order(Command.END, prepared.number)
         return prepared
 
     def straight(self, **options: Any) -> Straight:

@@ -15,7 +15,7 @@ import duoglide as dg
 from duoglide.control.channel.setpoints import Fence
 from duoglide.control.host import process
 from duoglide.control.host.commission import creep
-from duoglide.storage.records import Phase
+from duoglide.control.host.run.prepare import prepare_part
 
 SLOW = dg.CarriageLimits(velocity=100.0, acceleration=2e3, jerk=2e4)
 
@@ -55,7 +55,7 @@ def test_a_streamer_that_hangs_is_given_up_long_before_one_that_starts(
         os.kill(streamer.pid, signal.SIGSTOP)
         try:
             with pytest.raises(dg.BusError, match=r"is stuck: .* answered for 0\.\d s"):
-                robot._load(trajectory, Fence.of(trajectory.machine), Phase.PROGRAM)
+                robot._load(prepare_part(trajectory, Fence.of(trajectory.machine), 1))
         finally:
             os.kill(streamer.pid, signal.SIGCONT)
         assert time.monotonic() - begin < 5.0

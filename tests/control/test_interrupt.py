@@ -17,6 +17,8 @@ import pytest
 import duoglide as dg
 from duoglide.control.host.background import Background
 from duoglide.control.host.interrupt import (
+    Ending,
+    EndingHandler,
     EndingWatch,
     Ultimatum,
     endings_interrupt,
@@ -182,12 +184,31 @@ def test_a_program_that_was_told_to_end_gets_so_long_and_no_longer(
 ) -> None:
     ultimatum = Ultimatum()
     assert not ultimatum.is_over(0.0, 0, True)
-    handler = interrupting() if firm else signal.default_int_handler
-    ultimatum.begin(handler, 10.0, 0, moving)
-    ultimatum.begin(handler, 10.7, orders, moving)  # whoever repeats it puts nothing off
+    ending = Ending(signal.SIGINT, interrupting() if firm else signal.default_int_handler)
+    ultimatum.begin(ending, 10.0, 0, moving=moving, powered=powered)
+    # whoever repeats it puts nothing off
+    ultimatum.begin(ending, 10.7, orders, moving=moving, powered=powered)
     assert not ultimatum.is_over(10.7, orders, powered)
     assert ultimatum.is_over(10.9, orders, powered) == over
     assert not ultimatum.is_over(11.9, orders, powered)
+
+
+@pytest.mark.parametrize("heard", [False, True])
+def test_a_program_that_does_not_hear_its_signal_is_ended_and_no_other(
+    monkeypatch: pytest.MonkeyPatch, heard: bool
+) -> None:
+    now, ultimatum, handler = 10.0, Ultimatum(), EndingHandler(lambda number, frame: None)
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    monkeypatch.setattr(EndingHandler, "last_call", 0.0)
+    ending = Ending(signal.SIGTERM, handler)
+    ultimatum.begin(ending, now, 0, moving=False, powered=False)
+    assert not ultimatum.unheard(12.0), "without power nobody insists"
+    ultimatum.begin(ending, now, 0, moving=True, powered=True)
+    ultimatum.begin(ending, 11.0, 0, moving=True, powered=True)
+    assert not ultimatum.unheard(11.6), "it has its time"
+    if heard:
+        handler(signal.SIGTERM, None)
+    assert ultimatum.unheard(11.8) == (0 if heard else signal.SIGTERM)
 
 
 def test_signals_are_heard_beside_their_handlers_unless_they_are_the_programs_own() -> None:
@@ -197,10 +218,12 @@ def test_signals_are_heard_beside_their_handlers_unless_they_are_the_programs_ow
     try:
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGTERM)
-        assert watch.take() == [handler]
+        assert watch.take() == [Ending(signal.SIGTERM, handler)]
+        assert watch.fatal >> signal.SIGTERM & 1
         signal.signal(signal.SIGTERM, lambda number, frame: None)
         signal.raise_signal(signal.SIGTERM)
         assert watch.take() == []
+        assert not watch.fatal >> signal.SIGTERM & 1
     finally:
         watch.close()
         signal.signal(signal.SIGTERM, before)

@@ -202,17 +202,24 @@ def test_an_interrupted_host_stops_on_the_path_and_switches_off(scene: Scene) ->
 
 
 @pytest.mark.parametrize(
-    ("scene", "number"),
-    [("stuck", signal.SIGTERM), ("locked", signal.SIGINT)],
+    ("scene", "number", "code"),
+    [
+        ("stuck", signal.SIGTERM, 128 + signal.SIGTERM),
+        ("locked", signal.SIGTERM, -signal.SIGKILL),
+        ("locked", signal.SIGINT, None),  # at a prompt Ctrl-C does not mean the end
+    ],
     indirect=["scene"],
 )
-def test_a_signal_to_a_host_that_is_stuck_stops_the_machine_and_switches_it_off(
-    scene: Scene, number: signal.Signals
+def test_a_signal_to_a_host_that_is_stuck_switches_the_machine_off_and_ends_the_host(
+    scene: Scene, number: signal.Signals, code: int | None
 ) -> None:
     scene.host.send_signal(number)
     scene.watch_until({State.SWITCH_ON_DISABLED})
     assert scene.least_clearance() > 0.0
-    assert scene.host.poll() is None, "it was not the host that did it"
+    if code is None:
+        assert scene.host.poll() is None, "it was not the host that did it"
+    else:
+        assert scene.host.wait(GENEROUS) == code
 
 
 def _until_gone(pid: int) -> None:

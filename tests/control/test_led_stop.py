@@ -16,6 +16,7 @@ from duoglide.control.channel.events import Condition, Happening
 from duoglide.control.streamer.braking_drive import BrakingDrive, Trailing
 from duoglide.drives import pdo
 from duoglide.drives.cia402 import State
+from duoglide.drives.simulation.faults import Jam
 
 WORDS = Struct("<Hi")
 AXES = (1, 2, 3)
@@ -201,6 +202,93 @@ def test_a_drive_that_brakes_is_told_to_a_quarter_of_a_millimetre_after_some_cyc
     place, velocity = drive.after(3)
     assert place == pytest.approx(v * (began + t) - 0.5 * harder * d * t * t, abs=0.25)
     assert velocity == pytest.approx(v - harder * d * t, abs=0.12)
+
+
+def lose_setpoints(cell: CellByHand, axis: int) -> None:
+    cell.to_drives = lambda frame: [] if frame[0] == pdo.RPDO1 + axis else [frame]
+
+
+@pytest.mark.parametrize(("axis", "cycle"), [(1, 12), (2, 102), (3, 93)])
+def test_a_drive_that_hears_no_setpoints_any_more_is_followed_before_it_says_so(
+    runs: LedRuns, axis: int, cycle: int
+) -> None:
+    """At the worst places of this path, where it speeds up; not followed it is 40 to 60 mm."""
+    cell = runs.until(cycle)
+    lose_setpoints(cell, axis)
+    since = len(cell.log)
+    assert runs.off_path(cell) < 16.0
+    assert not by_themselves(cell) and not given_up(cell)
+    assert cell.tripped()[0] == (Condition.LOST, axis)
+    words = [entry.controlword[axis - 1] for entry in cell.log[since:]]
+    assert 2 in words, "it is told to brake on, should it hear again"
+    deaf = LedRuns(runs.plan, None).until(cycle)
+    lose_setpoints(deaf, axis)
+    assert runs.off_path(deaf) > 35.0
+
+
+def test_a_drive_that_hears_again_brakes_on(runs: LedRuns) -> None:
+    cell = runs.until(93)
+    lose_setpoints(cell, 3)
+
+    def hear(number: int) -> None:
+        if number == 8:
+            cell.to_drives = lambda frame: [frame]
+
+    assert runs.off_path(cell, each=hear) < 12.0
+    assert not by_themselves(cell)
+    assert states(cell)[2] is State.QUICK_STOP_ACTIVE
+    before = cell.carriages
+    cell.cycles(50)
+    assert np.abs(cell.carriages - before).max() < 0.01
+
+
+def test_where_it_goes_on_beyond_the_place_where_its_plan_turns_it_round(runs: LedRuns) -> None:
+    """No path time is there; the others go as near as they can, and never on along the path."""
+    cell = runs.until(201)
+    lose_setpoints(cell, 3)
+    assert runs.off_path(cell) < 5.0
+    assert not by_themselves(cell)
+
+
+@pytest.mark.parametrize(("axis", "cycle"), [(1, 16), (3, 107)])
+def test_a_carriage_that_jams_leads_too_and_the_others_stop_as_soon_as_they_can(
+    runs: LedRuns, axis: int, cycle: int
+) -> None:
+    off = []
+    for stops in (runs.stops, None):
+        cell = LedRuns(runs.plan, stops).until(cycle)
+        Jam(axis).apply(cell.rack.nodes[axis - 1])
+        off.append(runs.off_path(cell))
+        assert cell.happened(Happening.STOPPED)
+    assert off[0] < 0.75 * off[1] < np.inf
+
+
+@pytest.mark.parametrize("coast", [0.0, 1.0, 1.5])
+@pytest.mark.parametrize("speeding_up", [-0.2, 0.0, 0.24])
+def test_a_drive_that_has_left_its_setpoints_is_told_from_others(
+    coast: float, speeding_up: float
+) -> None:
+    d, heard = 0.24, 8
+    k = np.arange(13.0)
+    due = 100.0 + 5.0 * k + 0.5 * speeding_up * k**2
+    v = due[heard] - due[heard - 1]
+    t = np.clip(k - heard - coast, 0.0, v / d)
+    braking = due[heard] + v * (np.minimum(k - heard, coast) + t) - 0.5 * d * t**2
+    trailing = Trailing(0.0, 0.0)
+    chance = np.random.default_rng(1).normal(0.0, 0.05, 13)
+    places = np.where(k <= heard, due, braking)
+    drive = BrakingDrive.recognise(list(due), list(places + chance), d, trailing)
+    assert drive is not None
+    assert drive.place == pytest.approx(places[-1], abs=0.4)
+    assert drive.velocity == pytest.approx(v - d * t[-1], abs=0.4)
+    held = BrakingDrive.recognise(list(due), list(np.minimum(due, due[heard])), d, trailing)
+    assert held is not None and held.stands
+    assert held.place == pytest.approx(due[heard], abs=0.6)
+    for other in (
+        due + np.where(k > heard, 10.0, 0.0),  # it leaps
+        due + np.where(k > heard, 1.5 * d * (k - heard) ** 2, 0.0),  # it runs away
+    ):
+        assert BrakingDrive.recognise(list(due), list(other), d, trailing) is None
 
 
 @pytest.mark.parametrize("seed", [3, 4])

@@ -15,6 +15,7 @@ import pytest
 import duoglide as dg
 from duoglide.control.channel.orders import pack_object, receive_object
 from duoglide.control.channel.ring import CycleEntry, EventEntry, Ring
+from duoglide.control.host.interrupt import EndingWatch
 from duoglide.control.host.monitor import Monitor
 from duoglide.control.host.run.report import Tally
 from duoglide.control.streamer.__main__ import receive_setpoints
@@ -29,7 +30,9 @@ def process() -> Iterator[Any]:
     descriptor = Ring.allocate()
     ring = Ring(descriptor)
     os.close(descriptor)
-    yield SimpleNamespace(ring=ring, alive=True, pid=1)
+    endings = EndingWatch()
+    yield SimpleNamespace(ring=ring, alive=True, pid=1, endings=endings)
+    endings.close()
     ring.close()
 
 

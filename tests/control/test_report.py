@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from array import array
-
 import numpy as np
 import pytest
 
@@ -26,14 +24,14 @@ def cycle(number: int, following: int, missing: int = 0) -> CycleEntry:
 
 @pytest.fixture
 def tally() -> Tally:
-    tally = Tally(number=1)
+    tally = Tally(number=1, limit_use=NONE)
     for entry in (cycle(1, 100), cycle(2, -300, missing=5), cycle(3, 200)):
         tally.add_cycle(entry)
     return tally
 
 
 def report(tally: Tally) -> RunReport:
-    return tally.report(dg.Machine.default().drives, NONE, 0, None)
+    return tally.report(dg.Machine.default().drives, 0, None)
 
 
 def test_a_report_counts_what_was_streamed(tally: Tally) -> None:
@@ -55,13 +53,13 @@ def test_a_report_shows_itself_with_units_in_a_notebook(tally: Tally) -> None:
     error, late = found.plot().axes
     assert np.array(error.lines[0].get_ydata()) == pytest.approx([100.0, 300.0, 200.0])
     assert np.array(late.lines[0].get_ydata()) == pytest.approx([50.0, 100.0, 150.0])
-    nothing = report(Tally(number=1))
+    nothing = report(Tally(number=1, limit_use=NONE))
     assert "<img" not in nothing._repr_html_()
     assert len(nothing.plot().axes) == 2
 
 
 def test_lateness_of_nothing_is_nothing() -> None:
-    assert Lateness.of(array("q")).worst == 0.0
+    assert Lateness.of({}).worst == 0.0
 
 
 @pytest.mark.parametrize(

@@ -181,33 +181,25 @@ def test_what_is_ordered_during_the_approach_holds_for_the_program_too(
 ) -> None:
     handle = ready.start(back, approach=True)
     handle.set_override(0.3)
-    program = handle._plan.prepared.number
-    monkey = handle._finished
-
-    def hold_between() -> None:  # just as the approach ends, before the program begins
-        handle._finished = monkey  # type: ignore[method-assign]
-        handle.hold()
-        monkey()
-
-    handle._finished = hold_between  # type: ignore[method-assign]
-    _until(lambda: handle._between)
-    time.sleep(0.1)
-    assert not handle.done and handle._current != program
+    handle.hold()
+    _until(lambda: handle.status.state is RunState.HELD)
+    assert not handle.done and handle.approaching
     handle.resume()
-    _until(lambda: handle._current == program and handle.status.rate > 0.0)
+    _until(lambda: not handle.approaching and handle.status.rate > 0.0)
     _until(lambda: handle.done or handle.status.rate > 0.29)
     assert handle.status.rate <= 0.3
     assert handle.wait(20.0).completed
 
 
-def test_a_run_that_is_held_between_approach_and_program_can_be_stopped(
+def test_a_run_that_is_held_on_its_approach_can_be_stopped(
     ready: dg.Robot, back: dg.Trajectory
 ) -> None:
     handle = ready.start(back, approach=True)
-    handle._held = True
-    _until(lambda: handle._between)
+    handle.hold()
+    _until(lambda: handle.status.state is RunState.HELD)
     handle.stop()
-    assert not handle.wait(5.0).completed
+    report = handle.wait(5.0)
+    assert not report.completed and report.approaching
 
 
 def test_a_run_that_is_stopped_before_it_begins_does_not_begin(

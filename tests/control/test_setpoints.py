@@ -87,6 +87,7 @@ def test_whatever_the_operator_does_setpoints_stay_on_the_path_and_in_the_fence(
     machine = dg.Machine.default()
     prepared = prepare(there(), Fence.of(machine), 1, Phase.PROGRAM)
     follower = Follower(prepared, 1.0)
+    follower.last = prepared.number
     previous, u = prepared.first, 0.0
     for cycles, command in [*commands, (1, "resume"), (400, 1.0)]:
         if command == "hold":

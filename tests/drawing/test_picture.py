@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import duoglide as dg
 from duoglide.drawing.notebook import notebook_html
-from duoglide.drawing.picture import drawn, save
+from duoglide.drawing.picture import COLOURS, CURVE, LIMIT, LOST, drawn, save
 from duoglide.drawing.section import draw_section
 
 PNG = b"\x89PNG"
@@ -72,3 +72,23 @@ def test_only_the_part_of_the_reach_around_the_path_is_drawn(
     above = vertices[np.abs(vertices[:, 0] - 45.0) < 3.0, 1]
     low, high = shown
     assert low - 4.0 < above.min() < above.max() < high + 4.0
+
+
+def test_carriages_have_one_colour_each_everywhere_and_nothing_else_has_it() -> None:
+    from duoglide.kinematics.export import COLOURS as BODIES
+    from duoglide.paper.figures.robot import KEY
+    from duoglide.paper.figures.surfaces import COLOURS as SURFACES
+    from duoglide.paper.figures.surfaces import WORKSPACE
+    from duoglide.viewer.mechanism import CARRIAGES, LINK_COLOURS
+
+    assert [colour for name, colour in KEY if name.startswith("carriage")] == list(COLOURS)
+    for number, colour in enumerate(COLOURS, start=1):
+        channels = tuple(bytes.fromhex(colour.removeprefix("#")))
+        assert CARRIAGES[number - 1] == channels
+        assert BODIES[f"carriage_{number}"] == pytest.approx(
+            [c / 255.0 for c in channels], abs=2e-3
+        )
+        assert LINK_COLOURS["strut" if number == 3 else f"leg {number}"] == channels
+    others = {*SURFACES.values(), WORKSPACE, CURVE, LOST, LIMIT}
+    others |= {colour for name, colour in KEY if not name.startswith("carriage")}
+    assert not others & set(COLOURS)

@@ -14,6 +14,7 @@ from duoglide.kinematics.export import build_tree, to_mjcf
 from duoglide.kinematics.home import home_position
 
 mujoco = pytest.importorskip("mujoco")
+from mujoco_witness import Witness  # noqa: E402  # it needs mujoco
 
 WORKING = dg.WorkingMode()
 GEOMETRIES = {
@@ -22,58 +23,6 @@ GEOMETRIES = {
         riser_height=12.0, arm_drop=8.0, strut_drop=-6.0, arm_length=190
     ),
 }
-CARRIAGES = ("carriage_1", "carriage_2", "carriage_3")
-
-
-class Witness:
-    """A MuJoCo model, moved by its own constraint Jacobian alone."""
-
-    def __init__(self, mjcf: str) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf)
-        self.data = mujoco.MjData(self.model)
-        self.driven = [self.model.joint(name).qposadr[0] for name in CARRIAGES]
-        self.passive = [i for i in range(self.model.nv) if i not in self.driven]
-        mujoco.mj_forward(self.model, self.data)
-
-    @property
-    def constraints(self) -> np.ndarray:
-        equality = self.data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        jacobian: np.ndarray = self.data.efc_J.reshape(-1, self.model.nv)[equality]
-        return jacobian
-
-    @property
-    def residual(self) -> np.ndarray:
-        equality = self.data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        gaps: np.ndarray = self.data.efc_pos[equality]
-        return gaps
-
-    @property
-    def position(self) -> np.ndarray:
-        return 1e3 * self.data.site("platform").xpos
-
-    @property
-    def rotation(self) -> np.ndarray:
-        return self.data.body("platform").xmat.reshape(3, 3)
-
-    def close(self, carriages: np.ndarray) -> None:
-        """Hold the carriages [mm] and close the loops by Newton's method."""
-        self.data.qpos[self.driven] = 1e-3 * carriages
-        for _ in range(20):
-            mujoco.mj_forward(self.model, self.data)
-            if np.abs(self.residual).max() < 1e-13:
-                return
-            step = np.linalg.lstsq(self.constraints[:, self.passive], self.residual, rcond=1e-9)[0]
-            self.data.qpos[self.passive] -= step
-        assert np.abs(self.residual).max() < 1e-10
-
-    def freedoms(self) -> tuple[int, np.ndarray]:
-        """Motions that are left while the carriages are held: their number, and O' in the first."""
-        jacobian = self.constraints[:, self.passive]
-        _, values, rows = np.linalg.svd(jacobian)
-        rank = int((values > 1e-9 * values[0]).sum())
-        site = np.zeros((3, self.model.nv))
-        mujoco.mj_jacSite(self.model, self.data, site, None, self.model.site("platform").id)
-        return len(self.passive) - rank, site[:, self.passive] @ rows[-1]
 
 
 def random_lines(geometry: dg.Geometry, count: int) -> list[np.ndarray]:
@@ -229,6 +178,31 @@ def test_the_simulation_keeps_the_loops_closed_while_it_moves() -> None:
     assert carriages == pytest.approx(goal, abs=0.1)
     assert np.abs(witness.residual).max() < 1e-5  # [m]
     assert witness.position == pytest.approx(dg.forward(machine.geometry, carriages), abs=0.1)
+
+
+def test_the_model_has_one_base_and_weighs_what_the_machine_does() -> None:
+    machine = dg.Machine(masses=dg.Masses(payload=0.7, drive=(0.1, 0.2, 0.3), strut=0.25))
+    model = mujoco.MjModel.from_xml_string(dg.to_mjcf(machine))
+    roots = [model.body(i).name for i in range(1, model.nbody) if model.body_parentid[i] == 0]
+    assert roots == ["base"]
+    whole = machine.masses.complete(machine.geometry)
+    parts = (whole.coupler, whole.riser, whole.arm, whole.platform, whole.payload)
+    weighed = sum(whole.carriage) + 0.25 + 2.0 * (whole.leg or 0.0) + sum(p or 0.0 for p in parts)
+    assert model.body_mass.sum() == pytest.approx(weighed, rel=1e-12)
+    slides = [model.joint(name).dofadr[0] for name in ("carriage_1", "carriage_2", "carriage_3")]
+    assert model.dof_armature[slides].tolist() == [0.1, 0.2, 0.3]
+    assert model.dof_armature.sum() == pytest.approx(0.6)
+    assert model.dof_damping[slides].tolist() == pytest.approx([2.0, 2.0, 2.0])
+    assert model.opt.gravity.tolist() == pytest.approx([0.0, 0.0, -9.80665])
+
+
+def test_the_actuators_hold_the_platform_where_the_mechanism_yields_most() -> None:
+    """The legs are 11 mm from lying flat at (180, 0, 200): soft actuators let it fall through."""
+    witness = Witness(to_mjcf(dg.Machine.default(), (180.0, 0.0, 200.0)))
+    witness.data.ctrl[:] = witness.data.qpos[witness.driven]
+    for _ in range(3000):
+        mujoco.mj_step(witness.model, witness.data)
+    assert np.linalg.norm(witness.position - [180.0, 0.0, 200.0]) < 0.5
 
 
 def test_poses_beyond_reach_and_batches_are_refused() -> None:

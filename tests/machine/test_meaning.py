@@ -6,10 +6,10 @@ from dataclasses import fields
 import pytest
 
 import duoglide as dg
-from duoglide.machine import Box, CarriageLimits, DriveSettings, Geometry, Homing, Quirks
+from duoglide.machine import Box, CarriageLimits, DriveSettings, Geometry, Homing, Masses, Quirks
 from duoglide.machine.meaning import phrases, unit_of
 
-KINDS = [dg.Machine, Geometry, CarriageLimits, DriveSettings, Homing, Quirks, Box]
+KINDS = [dg.Machine, Geometry, CarriageLimits, DriveSettings, Homing, Quirks, Box, Masses]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -33,7 +34,7 @@ def test_every_key_is_explained_once_and_fits_the_page(tmp_path: Path) -> None:
             explained.add(key)
     tables = MACHINE.to_dict()
     keys = {key for key, value in tables.items() if not isinstance(value, dict | list)}
-    for name in ("geometry", "limits", "drives"):
+    for name in ("geometry", "limits", "drives", "masses"):
         keys |= {key for key in tables[name] if key not in ("homing", "quirks")}
     assert keys <= explained
     assert "leg_length = 160.0  # l2, the legs B1C1 and B2C2 [mm]" in lines
@@ -49,10 +50,11 @@ def test_what_a_machine_leaves_out_is_told_and_what_it_gives_is_not(tmp_path: Pa
     text = " ".join(line.removeprefix("# ") for line in file.read_text().splitlines())
     assert "Not given here, home_position: platform position at which" in text
     assert "left out, the deepest point of the workspace" in text
-    assert "Not given here, [stop_limits] with velocity, acceleration, jerk: what a stop" in text
+    assert "[stop_limits] with velocity, acceleration, jerk, force, rms_force: what a st" in text
     assert dg.Machine.load(file).to_dict() == dg.Machine.default().to_dict()
     limits = dg.CarriageLimits(acceleration=1e5, jerk=1e7)
     whole = dg.Machine(stop_limits=limits, home_position=(-41, 0, 302), timing=dg.Timing.TOPPRA)
+    whole = replace(whole, masses=whole.masses.complete(whole.geometry))
     whole.save(file)
     assert "Not given here" not in file.read_text()
 

@@ -141,8 +141,10 @@ def test_a_trajectory_shows_how_near_drives_come_that_brake_by_themselves(
 def test_a_trajectory_is_drawn_with_its_limits_in_the_same_unit(move: dg.Trajectory) -> None:
     axes = move.plot().axes
     titles = [one.get_title(loc="left") for one in axes]
-    assert titles == ["Carriages [mm]", "Velocity [m/s]", "Acceleration [m/s²]", "Jerk [m/s³]"]
-    for one in axes[1:]:
+    rates = ["Velocity [m/s]", "Acceleration [m/s²]", "Jerk [m/s³]"]
+    assert titles == ["Carriages [mm]", *rates, "Force [N]"]
+    assert len(axes[-1].lines) == 3  # no limit, no line
+    for one in axes[1:-1]:
         limit = max(float(np.max(line.get_ydata())) for line in one.lines[3:])
         most = max(float(np.abs(line.get_ydata()).max()) for line in one.lines[:3])
         assert 0.1 * limit < most < 1.002 * limit

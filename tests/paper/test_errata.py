@@ -13,7 +13,15 @@ import pytest
 import duoglide as dg
 from duoglide.kinematics.singularity.margins import margins
 from duoglide.kinematics.workspace import Constraints, admissible, grid_over_reach
-from duoglide.paper.topology import analyse, duoglide_robot, screw_mobility
+from duoglide.paper.topology import (
+    Joint,
+    JointKind,
+    Mechanism,
+    analyse,
+    decompositions,
+    duoglide_robot,
+    screw_mobility,
+)
 
 G = dg.Geometry()
 B, D, L1, L2, L3, L6, L9 = 90.0, 45.0, 70.0, 160.0, 120.0, 180.0, 300.0
@@ -290,3 +298,54 @@ def test_residual_of_random_poses_vanishes() -> None:
     strut = np.linalg.norm(offset, axis=1) - L9
     assert len(poses) > 30_000
     assert np.abs([*legs, strut]).max() < 1e-9
+
+
+def parallel_jacobian(pose: np.ndarray) -> np.ndarray:
+    """Return A of Eq. 16 as printed, its rows e1, e2, e3."""
+    x, y, z = pose
+    carriages = dg.inverse(G, pose)
+    beta = atan2(sqrt(L6**2 - (B - D - x) ** 2), B - D - x)
+    h, cot = z - L1 - L6 * sin(beta), cos(beta) / sin(beta)
+    p1, p2 = y - L3 / 2 - carriages[0], y + L3 / 2 - carriages[1]
+    return np.array([[cot * h, -p1, -h], [cot * h, -p2, -h], [x - D + B, y - carriages[2], z - L1]])
+
+
+def test_17_case_2_is_three_rows_in_one_plane_and_not_two_in_one_line() -> None:
+    A = parallel_jacobian(case_2_pose())
+    rows = A / np.linalg.norm(A, axis=1)[:, None]
+    x, _, z = case_2_pose()
+    beta = atan2(sqrt(L6**2 - (B - D - x) ** 2), B - D - x)
+    assert sin(beta) / cos(beta) == pytest.approx(-(z - L1) / (x - D + B), rel=1e-6)  # as printed
+    assert abs(np.linalg.det(rows)) < 1e-6
+    angles = np.degrees(np.arccos((rows @ rows.T)[[0, 0, 1], [1, 2, 2]]))
+    assert angles == pytest.approx([103.33, 116.72, 139.95], abs=0.01)  # no two are in line
+    assert A[0, 0] / A[0, 2] == pytest.approx(A[2, 0] / A[2, 2])  # the printed condition
+    assert A[0, 1] / A[0, 2] == pytest.approx(2.065, abs=1e-3)  # and the other, which fails
+    assert A[2, 1] / A[2, 2] == pytest.approx(-0.335, abs=1e-3)
+
+
+def test_18_a_constraint_degree_of_minus_3_exists() -> None:
+    x, y, z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+    free = [(JointKind.UNIVERSAL, (x, y)), (JointKind.PRISMATIC, (z,)), (JointKind.SPHERICAL, ())]
+    stiff = [(JointKind.REVOLUTE, (axis,)) for axis in (x, y, z)]
+    joints = []
+    for limb, steps in enumerate((free, free, stiff)):
+        names = ["base", f"{limb} a", f"{limb} b", "platform"]
+        joints += [
+            Joint.of(kind, (names[k], names[k + 1]), *axes) for k, (kind, axes) in enumerate(steps)
+        ]
+    degrees = {
+        soc.constraint_degree
+        for found in decompositions(Mechanism("two limbs and a stiff one", tuple(joints)))
+        for soc in found.socs
+    }
+    assert -3 in degrees  # three revolutes that close a loop of six equations: 3 - 0 - 6
+
+
+def test_19_eq_4_gives_the_equations_of_one_loop_and_not_their_sum() -> None:
+    robot = analyse(duoglide_robot())
+    each = [soc.xi for soc in robot.decomposition.socs]
+    freedoms = sum(soc.freedoms for soc in robot.decomposition.socs)
+    assert each == [3, 5]  # the paper's own figures; the braces of Eq. 4 are 5 for the second
+    assert freedoms - sum(each) == robot.dof == 3
+    assert freedoms - each[-1] == 6  # what Eq. 3 would give were the braces the sum

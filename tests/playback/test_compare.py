@@ -51,7 +51,7 @@ def test_at_another_pace_setpoints_are_the_same_at_the_same_path_time(
 
 
 def test_a_plan_that_was_slowed_down_is_the_same_path(usual: Path) -> None:
-    read = Streamed.of(read_log(usual))
+    read = Streamed.parts_of(read_log(usual))[0]
     plan = slowed(read.plan, 0.5)
     other = Streamed(plan, replace(read.data, path_time=2.0 * read.data.path_time))
     result = compare_streamed(read, other)
@@ -91,7 +91,7 @@ def test_a_replay_of_a_run_with_a_changed_pace_has_that_pace(
 
 
 def test_a_setpoint_that_is_not_the_others_is_found_either_way(usual: Path) -> None:
-    read = Streamed.of(read_log(usual))
+    read = Streamed.parts_of(read_log(usual))[0]
     wrong = read.data.setpoint.copy()
     row = int(read.rows()[40])
     wrong[row, 1] += 3
@@ -105,7 +105,7 @@ def test_a_setpoint_that_is_not_the_others_is_found_either_way(usual: Path) -> N
 
 
 def test_two_paths_are_compared_at_equal_path_time(usual: Path) -> None:
-    read = Streamed.of(read_log(usual))
+    read = Streamed.parts_of(read_log(usual))[0]
     x, y, z = read.plan.position_at(0.0)
     moved = dg.transfer(read.data.machine, (x, y, z), (x + 5.0, y, z))
     result = compare_streamed(read, replace(read, plan=moved))
@@ -115,7 +115,7 @@ def test_two_paths_are_compared_at_equal_path_time(usual: Path) -> None:
 
 
 def test_an_answer_that_did_not_come_is_no_difference(usual: Path) -> None:
-    read = Streamed.of(read_log(usual))
+    read = Streamed.parts_of(read_log(usual))[0]
     data, row = read.data, len(read.data) // 2
     actual, missing = data.actual.copy(), data.missing.copy()
     actual[row] += 5000

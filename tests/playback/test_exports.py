@@ -15,8 +15,8 @@ import duoglide as dg
 from duoglide.playback.can_log import Frame, play, read_frames
 from duoglide.playback.candump import frames_of, write_candump
 from duoglide.playback.columns import platform
-from duoglide.playback.foxglove import write_foxglove
 from duoglide.playback.run_data import read_run
+from duoglide.playback.shown.foxglove import write_foxglove
 from duoglide.playback.summary import summarise
 from duoglide.playback.tables import write_csv, write_parquet
 from duoglide.storage import Phase, read_log
@@ -134,7 +134,7 @@ def test_the_foxglove_export_has_every_derived_topic(run_log: Path, tmp_path: Pa
     topics = {channel.topic for _, channel, _ in messages}
     assert topics == {
         "/path", "/carriage_1", "/carriage_2", "/carriage_3", "/platform", "/margins", "/drives",
-        "/pose", "/log",
+        "/pose", "/log", "/tf", "/joint_states", "/mechanism", "/path_planned", "/path_done",
     }  # fmt: skip
     by_topic = {channel.topic: json.loads(message.data) for _, channel, message in messages}
     assert by_topic["/drives"]["state_1"] == "operation_enabled"

@@ -114,6 +114,7 @@ class CellByHand(HostByHand):
         prepared = replace(prepared, led=led)
         self.handed_over[number] = prepared
         self.order(Command.RUN, number, override)
+        self.order(Command.END, number)
 
     def cycles(self, count: int, skipped: int = 0) -> None:
         for _ in range(count):

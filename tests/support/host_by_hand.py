@@ -46,8 +46,15 @@ class HostByHand:
     def prepared(self, number: int) -> PreparedSetpoints | None:
         return self.handed_over.get(number)
 
+    def following(self, number: int) -> PreparedSetpoints | None:
+        others = self.handed_over.values()
+        return next((other for other in others if other.after == number and number), None)
+
     def put_event(self, entry: EventEntry) -> None:
         self.events.append(entry)
+
+    def end_deaf_host(self) -> None:
+        pass
 
     def close(self) -> None:
         pass

@@ -9,7 +9,9 @@ import pytest
 
 pytest.importorskip("viser")
 
+from duoglide.viewer.door import News
 from duoglide.viewer.machine_panel import MachinePanel
+from duoglide.viewer.situation import Situation
 
 
 class Broken:
@@ -22,10 +24,14 @@ class Broken:
 
 
 def test_a_page_that_cannot_look_any_more_does_not_show_the_past_as_the_present() -> None:
-    rounds = iter([False, True])
-    closed = SimpleNamespace(wait=lambda _: next(rounds))
+    rounds, told = iter([False, True]), News()
     panel: Any = SimpleNamespace(
-        _robot=Broken(), _closed=closed, _state=SimpleNamespace(content="| 1 | enabled | 0.0 |")
-    )
+        _robot=Broken(), _closed=SimpleNamespace(wait=lambda _: next(rounds)),
+        _state=SimpleNamespace(content="| 1 | enabled | 0.0 |"),
+        _allow=lambda situation: told.tell(situation.banner._asdict()),
+    )  # fmt: skip
+    panel._look = lambda: MachinePanel._look(panel)
+    panel._situation = lambda look, blind: Situation(own=True, look=look, blind=blind)
     MachinePanel._watch(panel)
     assert panel._state.content.startswith("**KeyError.**")
+    assert "No answer" in told.newest[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -17,6 +18,7 @@ import pytest
 import duoglide as dg
 from duoglide.control.channel.events import RunState
 from duoglide.control.host.run.handle import RunStatus
+from duoglide.control.host.trace import Trace
 from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot
 from duoglide.viewer.page import Page
@@ -36,7 +38,7 @@ FLAGS = [
     "--ignore-gpu-blocklist",
 ]
 TYPED = "input:visible:not([type=checkbox])"  # of the fields of a tab
-PATIENCE = 300_000  # [ms]: a browser without a graphics card takes its time on a busy computer
+PATIENCE = 120_000  # [ms]: a browser without a graphics card takes its time on a busy computer
 PATIENT = dg.Machine(  # a browser that draws in software starves everybody else
     drives=dg.DriveSettings(
         late_cycles=250,
@@ -76,6 +78,17 @@ def browser_page(browser: Any) -> Iterator[Any]:
         tab.close()
 
 
+def standing(**changes: Any) -> Any:
+    """A machine of somebody else that stands still."""
+    robot = {
+        "machine": PATIENT, "bus": "virtual", "homed": False, "why_not_homed": "as this test says",
+        "enabled": False, "latched": (), "states": (State.SWITCH_ON_DISABLED,) * 3,
+        "carriages": np.zeros(3), "current_run": None, "trace": Trace(PATIENT.drives),
+        "stop": lambda: None,
+    }  # fmt: skip
+    return SimpleNamespace(**robot | changes)
+
+
 def visit(browser: Any, page: Page) -> Any:
     tab = browser.new_page(viewport={"width": 1400, "height": 1000})
     tab.set_default_timeout(PATIENCE)
@@ -86,6 +99,11 @@ def visit(browser: Any, page: Page) -> Any:
 
 def open_tab(tab: Any, name: str) -> None:
     tab.get_by_role("tab", name=name).click()
+
+
+def banner_says(tab: Any, word: str, more: str) -> None:
+    tab.locator("#duoglide-word").get_by_text(word, exact=True).wait_for()
+    tab.locator("#duoglide-says").get_by_text(more).wait_for()
 
 
 def wait_for(tab: Any, text: str) -> None:
@@ -124,8 +142,10 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     open_tab(tab, "Machine")
     tab.get_by_role("button", name="Connect").click()
     wait_for(tab, "the drives have no power yet")
+    banner_says(tab, "No power", "Press Enable and home")
     tab.get_by_role("button", name="Enable and home").click()
     wait_for(tab, "Under power and homed")
+    banner_says(tab, "Ready", "Press Run")
     log = tab.folder / "run.mcap"
     inputs = tab.locator(TYPED)  # bus and log in the panel, override beside Stop
     inputs.nth(1).fill("run.mcap")
@@ -134,25 +154,33 @@ def test_a_pick_is_planned_run_held_and_stopped_on_the_space_bar(
     override.press("Enter")
     tab.get_by_role("button", name="Run", exact=True).click()
     wait_for(tab, "running at")  # not the browser's word that WebGL is running in software
+    banner_says(tab, "Running", "speed 1 %")
+    assert tab.get_by_role("button", name="Disable").is_disabled()
     tab.get_by_role("button", name="Hold").click()
-    wait_for(tab, "held")
+    banner_says(tab, "Held", "Press Resume")
     tab.get_by_role("button", name="Resume").click()
     wait_for(tab, "running at")
     tab.mouse.click(700, 900)  # away from every control
     tab.keyboard.press("Space")
     wait_for(tab, "stopped on the ")  # path, or on the approach to it
-    tab.screenshot(path=str(tmp_path / "page.png"))
+    banner_says(tab, "Stopped", "Press Run")
     assert log.stat().st_size > 1000
+    open_tab(tab, "Live")
+    wait_for(tab, "approach started")
+    titles = tab.locator(".u-title:visible").all_text_contents()
+    assert [title.partition(" [")[0] for title in titles] == [
+        "Following error", "Velocity", "Carriage margin", "Lateness of cycles",
+    ]  # fmt: skip
+    points = "Object.values(__viserTestpoints.uplots).map(one => one.chart.data[0].length)"
+    assert min(tab.evaluate(points)) > 50
+    tab.screenshot(path=str(tmp_path / "page.png"))
 
 
 @pytest.fixture(scope="module")
 def stopping(browser: Any) -> Iterator[tuple[Any, list[float]]]:
     """A page beside a machine of somebody else, and when it was stopped."""
     stops: list[float] = []
-    robot: Any = SimpleNamespace(
-        machine=PATIENT, bus="virtual", homed=False, states=(), carriages=(), current_run=None,
-        stop=lambda: stops.append(time.monotonic()),
-    )  # fmt: skip
+    robot = standing(stop=lambda: stops.append(time.monotonic()))
     with Page(PATIENT, drives=robot, port=0) as page:
         tab = visit(browser, page)
         tab.gui = page._server.gui
@@ -186,10 +214,11 @@ def test_space_stops_while_a_text_has_the_focus_and_is_not_typed(stopping: Any) 
 
 def test_space_stops_while_a_button_has_the_focus_and_does_not_press_it(stopping: Any) -> None:
     tab, _ = stopping
-    button = tab.get_by_role("button", name="Hold")
-    button.focus()
+    open_tab(tab, "Motion")
+    tab.get_by_role("button", name="Plan", exact=True).focus()
     assert stops_by(stopping, lambda: tab.keyboard.press("Space")) == 1
-    assert not tab.get_by_text("Nothing runs.").count(), "Hold says that, if it is pressed"
+    wait_for(tab, "Nothing is loaded.")
+    assert not tab.get_by_text("Planning").count(), "Plan says that, if it is pressed"
 
 
 def test_stop_and_space_work_under_an_open_dialog(stopping: Any) -> None:
@@ -228,6 +257,20 @@ def test_a_stop_that_did_not_arrive_is_told(stopping: Any) -> None:
     tab.get_by_text("STOP DID NOT ARRIVE").wait_for(state="hidden")
 
 
+@pytest.mark.parametrize("size", [(900, 600), (390, 844), (1920, 1080)])
+def test_banner_and_stop_are_in_sight_at_every_size(
+    stopping: tuple[Any, list[float]], size: tuple[int, int]
+) -> None:
+    tab, _ = stopping
+    tab.set_viewport_size({"width": size[0], "height": size[1]})
+    for name in ("duoglide-stop", "duoglide-word", "duoglide-advice", "duoglide-power"):
+        box = tab.locator(f"#{name}").bounding_box()
+        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        at = "([x, y]) => document.elementFromPoint(x, y).id"
+        assert tab.evaluate(at, middle) == name, "and nothing covers it"
+    assert stops_by(stopping, tab.locator("#duoglide-stop").click) == 1
+
+
 def test_there_is_no_button_to_share_with_the_public(stopping: Any) -> None:
     tab, _ = stopping
     assert not tab.locator(".tabler-icon-share").count()
@@ -251,10 +294,7 @@ def test_another_tab_watches_and_takes_over(browser: Any, browser_page: Any) -> 
 def test_the_override_is_the_one_that_another_page_has_chosen(browser: Any) -> None:
     status = RunStatus(RunState.RUNNING, 0.1, 0.5, (0.0, 1.0, 2.0), (0.0, 0.0, 0.0), 9.0, 0.5)
     run = SimpleNamespace(status=status)
-    robot: Any = SimpleNamespace(
-        machine=PATIENT, bus="virtual", homed=False, states=(State.OPERATION_ENABLED,) * 3,
-        carriages=np.zeros(3), current_run=run, stop=lambda: None,
-    )  # fmt: skip
+    robot = standing(states=(State.OPERATION_ENABLED,) * 3, enabled=True, current_run=run)
     with share(robot) as path, Page(PATIENT, drives=JoinedRobot(path), port=0) as page:
         tab = visit(browser, page)
         slider = tab.locator("input:visible").last.element_handle()
@@ -264,30 +304,96 @@ def test_the_override_is_the_one_that_another_page_has_chosen(browser: Any) -> N
         tab.close()
 
 
-def test_a_jog_leaves_the_override_of_the_next_run_alone(browser: Any) -> None:
-    creeping = SimpleNamespace(
-        status=RunStatus(RunState.RUNNING, 0.1, 0.1, (0.0,) * 3, (0.0,) * 3, 9.0, 0.1)
-    )
-    robot: Any = SimpleNamespace(
-        machine=PATIENT, bus="virtual", homed=True, states=(State.OPERATION_ENABLED,) * 3,
-        carriages=np.zeros(3), position=np.array([-41.0, 0.0, 302.0]), current_run=None,
+@pytest.fixture(scope="module")
+def jogging(browser: Any) -> Iterator[tuple[Any, Any]]:
+    """A page beside a machine that is homed, and remembers its steps; each waits to be let go."""
+    place = np.array([-41.0, 0.0, 302.0])
+    robot = standing(
+        states=(State.OPERATION_ENABLED,) * 3, enabled=True, homed=True, position=place,
+        carriages=dg.inverse(dg.Geometry(), place), steps=[], go_on=threading.Event(),
     )  # fmt: skip
+    creeping = RunStatus(RunState.RUNNING, 0.1, 0.1, (0.0,) * 3, (0.0,) * 3, 9.0, 0.1)
 
-    def jog(_: Any) -> None:
-        robot.current_run = creeping
-        time.sleep(0.5)
+    def jog(step: Any) -> None:
+        robot.current_run = SimpleNamespace(status=creeping)
+        robot.steps.append(step.tolist())
+        assert robot.go_on.wait(PATIENCE / 1000)
         robot.current_run = None
 
     robot.jog = jog
     with Page(PATIENT, drives=robot, port=0) as page:
         tab = visit(browser, page)
-        open_tab(tab, "Machine")
-        tab.get_by_text("Jog").click()
-        tab.get_by_role("button", name="+x").click()
-        wait_for(tab, "running at")
-        wait_for(tab, "At (-41.00, 0.00, 302.00) mm.")
-        assert tab.locator("input:visible").last.input_value() == "100"
+        yield tab, robot
         tab.close()
+
+
+def test_a_jog_leaves_the_override_of_the_next_run_alone(jogging: tuple[Any, Any]) -> None:
+    tab, robot = jogging
+    robot.go_on.clear()
+    open_tab(tab, "Jog")
+    wait_for(tab, "At x -41.00, y 0.00, z 302.00 mm")
+    tab.get_by_role("button", name="+x").click()
+    open_tab(tab, "Operator")
+    wait_for(tab, "running at")
+    robot.go_on.set()
+    wait_for(tab, "At (-41.00, 0.00, 302.00) mm.")
+    assert tab.locator("input:visible").last.input_value() == "100"
+    assert robot.steps == [[1.0, 0.0, 0.0]]
+
+
+def test_a_held_button_and_arrow_keys_go_on_by_steps_until_they_are_let_go(
+    jogging: tuple[Any, Any],
+) -> None:
+    tab, robot = jogging
+    robot.go_on.set()
+    open_tab(tab, "Jog")
+    tab.get_by_role("button", name="0.1", exact=True).click()
+    wait_for(tab, "Step: 0.1 mm")
+    robot.steps.clear()
+    tab.get_by_role("button", name="-z").hover()
+    tab.mouse.down()
+    wait_until(lambda: len(robot.steps) > 2)
+    tab.mouse.up()
+    settle(tab)
+    assert set(map(tuple, robot.steps)) == {(0.0, 0.0, -0.1)}
+    robot.steps.clear()
+    tab.wait_for_timeout(300)
+    assert not robot.steps, "nothing holds the button any more"
+    tab.keyboard.press("ArrowRight")
+    wait_until(lambda: robot.steps == [[0.0, 0.1, 0.0]])
+
+
+def test_what_is_held_when_the_machine_is_stopped_moves_it_no_more(
+    jogging: tuple[Any, Any],
+) -> None:
+    tab, robot = jogging
+    robot.go_on.set()
+    open_tab(tab, "Jog")
+    tab.get_by_role("button", name="+z").hover()
+    tab.mouse.down()
+    wait_until(lambda: bool(robot.steps))
+    with tab.expect_response(lambda answer: answer.url.endswith("/stop")):
+        tab.keyboard.press("Space")
+    settle(tab)
+    robot.steps.clear()
+    tab.wait_for_timeout(300)
+    assert not robot.steps
+    tab.mouse.up()
+
+
+def wait_until(come: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE / 1000
+    while not come():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def settle(tab: Any) -> None:
+    """Wait until what the page has sent has arrived: its messages come in order."""
+    tab.get_by_role("button", name="1", exact=True).click()
+    wait_for(tab, "Step: 1 mm")
+    tab.get_by_role("button", name="0.1", exact=True).click()
+    wait_for(tab, "Step: 0.1 mm")
 
 
 def test_a_run_that_somebody_else_started_is_stopped_from_the_page() -> None:

@@ -10,16 +10,18 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 import duoglide as dg
-from duoglide.control.channel.events import RunState
+from duoglide.control.channel.events import Condition, Reaction, RunState, Trip
 from duoglide.control.host.run.handle import RunStatus
+from duoglide.control.host.trace import Trace
 from duoglide.drives.cia402 import State
 from duoglide.viewer.join import JoinedRobot, find
 from duoglide.viewer.share import meeting_place, share
 
+CARRIAGES = dg.inverse(dg.Geometry(), (-41.0, 0.0, 302.0))
+FAULT = Trip(Condition.FOLLOWING_ERROR, Reaction.QUICK_STOP, axis=2)
 STATUS = RunStatus(RunState.HELD, 0.25, 0.5, (1.0, 2.0, 3.0), (0.1, -0.2, 0.3), 45.0, 0.6)
 
 
@@ -56,9 +58,9 @@ def robot() -> Any:
     stops: list[str] = []
     return SimpleNamespace(
         machine=dg.Machine(clearance=3.0), bus="virtual", homed=True,
-        states=(State.OPERATION_ENABLED,) * 3, carriages=np.array([1.0, 2.0, 3.0]),
-        position=np.array([-41.0, 0.0, 302.0]), current_run=Run(), stops=stops,
-        stop=lambda: stops.append("stop"),
+        states=(State.OPERATION_ENABLED,) * 3, carriages=CARRIAGES, current_run=Run(),
+        enabled=True, latched=(FAULT,), why_not_homed="", trace=Trace(dg.DriveSettings()),
+        stops=stops, stop=lambda: stops.append("stop"),
     )  # fmt: skip
 
 
@@ -66,9 +68,12 @@ def test_a_joined_machine_shows_what_its_owner_sees(robot: Any) -> None:
     with share(robot):
         joined = JoinedRobot(find())
         assert joined.machine.to_dict() == robot.machine.to_dict()
-        assert (joined.bus, joined.states, joined.homed) == (robot.bus, robot.states, True)
-        assert joined.carriages.tolist() == [1.0, 2.0, 3.0]
-        assert joined.position.tolist() == [-41.0, 0.0, 302.0]
+        look = joined.look()
+        assert (joined.bus, look.states, look.homed) == (robot.bus, robot.states, True)
+        assert (look.enabled, look.latched) == (True, ("axis 2: following error",))
+        assert look.carriages.tolist() == CARRIAGES.tolist()
+        assert look.position is not None
+        assert look.position.tolist() == pytest.approx([-41.0, 0.0, 302.0])
         run = joined.current_run
         assert run is not None
         assert run.status.state is RunState.HELD

@@ -25,14 +25,15 @@ HIDDEN = ["unshare", "--mount", *(["--map-root-user"] if os.getuid() else [])]
 HIDDEN += ["sh", "-c", 'mount -t tmpfs -o ro none /dev/shm && exec "$@"', "sh"]
 
 
-def take_tour(folder: Path, *options: str, prefix: Sequence[str] = (), **env: str) -> None:
-    """Run the tour; what it says is shown where it fails."""
+def take_tour(folder: Path, *options: str, prefix: Sequence[str] = (), **env: str) -> str:
+    """Run the tour and return what it says on stderr; all of it is shown where it fails."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("LC_")}
     command = [*prefix, sys.executable, *options, str(TOUR), str(folder)]
     done = subprocess.run(
         command, env={**kept, **env}, capture_output=True, check=False, timeout=600
     )
     assert done.returncode == 0, (done.stdout + done.stderr).decode(errors="replace")[-3000:]
+    return done.stderr.decode(errors="replace")
 
 
 def can(*command: str) -> bool:
@@ -69,8 +70,11 @@ def test_an_ordinary_user_with_a_home_that_cannot_be_written_to(open_folder: Pat
         for folder in (work, temporary):
             os.chown(folder, NOBODY, NOBODY)
     env = {"HOME": str(home), "XDG_CACHE_HOME": str(home / ".cache"), "XDG_RUNTIME_DIR": ""}
-    take_tour(work, prefix=prefix, TMPDIR=str(temporary), **env)
+    said = take_tour(work, prefix=prefix, TMPDIR=str(temporary), **env)
     assert list(home.iterdir()) == []
+    if prefix:  # who has no right to it is told, once, in one line
+        (warning,) = (line for line in said.splitlines() if "real-time priority" in line)
+        assert warning.startswith("duoglide: warning: ") and len(warning) <= 80
 
 
 def test_without_dev_shm(tmp_path: Path) -> None:

@@ -12,10 +12,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from duoglide.errors import printable
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-EXTRAS = {"viser": "view", "mujoco": "mujoco", "sympy": "symbolic", "pyarrow": "parquet"}
+EXTRAS = {
+    "viser": "view",
+    "mujoco": "mujoco",
+    "sympy": "symbolic",
+    "pyarrow": "parquet",
+    "rerun": "rerun",
+    "rosbags": "ros2",
+}
 """Which optional extra brings a module."""
 
 WORTH_TELLING = 1.0  # [s] of work
@@ -50,7 +59,8 @@ class Stopped(KeyboardInterrupt):
 
 def complain(message: str, code: int) -> int:
     """Write a message to stderr, in short lines where it is long, and return ``code``."""
-    for line in short_lines(f"duoglide: {' '.join(message.split())}", _columns()):
+    words = " ".join(printable(message).split())
+    for line in short_lines(f"duoglide: {words}", _columns()):
         print(line, file=sys.stderr)
     return code
 
@@ -87,9 +97,14 @@ def _columns() -> int:
 
 def say(text: str = "") -> None:
     """Write text to stdout, at once; what is too long for the terminal goes on indented."""
-    for line in text.splitlines() or [""]:
+    for line in printable(text).splitlines() or [""]:
         fits = len(line) <= _columns()
         print(line if fits else "\n".join(_filled(line, _columns(), "")), flush=True)
+
+
+def say_as_it_is(text: str) -> None:
+    """Write text to stdout that will be pasted: a terminal must not wrap it."""
+    print(printable(text), end="", flush=True)
 
 
 def say_json(verb: str, result: Mapping[str, object], *, ok: bool = True) -> None:
@@ -110,7 +125,7 @@ def say_json(verb: str, result: Mapping[str, object], *, ok: bool = True) -> Non
 
 def say_facts(rows: Iterable[tuple[str, str]]) -> None:
     """Write names and values in two columns; a name left out continues the one before."""
-    kept = list(rows)
+    kept = [(printable(name), printable(value)) for name, value in rows]
     width = max((len(name) for name, _ in kept), default=0)
     for name, value in kept:
         line = f"  {name:<{width}}  {value}".rstrip()

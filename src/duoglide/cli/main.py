@@ -44,8 +44,9 @@ from duoglide.cli.verbs import (
     view,
     workspace,
 )
+from duoglide.cli.verbs import run as run_verb
 from duoglide.control.host.interrupt import ENDINGS, interrupting
-from duoglide.errors import DuoglideError, DuoglideWarning
+from duoglide.errors import DuoglideError, DuoglideWarning, printable
 
 DONE, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 _USAGE: type[Exception] = typer.BadParameter.__mro__[1]  # click's, or typer's own copy of it
@@ -87,6 +88,7 @@ for verb in (
     plan,
     check,
     stream,
+    run_verb,
     replay,
     status,
     operate,
@@ -215,7 +217,7 @@ def _tell(words: list[str], failure: _Failure) -> int:
     if "--json" not in words:
         complain(failure.message, failure.code)
         if failure.next is not None:
-            print(f"next: {failure.next}", file=sys.stderr)  # whole, to be copied
+            print(f"next: {printable(failure.next)}", file=sys.stderr)  # whole, to be copied
         return failure.code
     verb = next((word for word in words if not word.startswith("-")), "")
     said = {"error": failure.message, "type": failure.kind, "exit_code": failure.code}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from duoglide.errors import DriveError, DuoglideError
 
 if TYPE_CHECKING:
     from duoglide.control.host.robot import Robot
+    from duoglide.control.host.run.handle import RunHandle
     from duoglide.control.host.run.report import RunReport
     from duoglide.planning.trajectory import Trajectory
 
@@ -27,23 +29,45 @@ def run_with_progress(
         Failed: It did not come to its end.
         Stopped: It was interrupted, and stands.
     """
+    handle = robot.start(trajectory, log=log, approach=approach, override=override)
+    first = "approaching" if handle.approaching else ""
+    with progress("streaming", trajectory.duration, first) as done:
+        return see_to_the_end(
+            handle, log, lambda: done(0.0 if handle.approaching else handle.status.path_time)
+        )
+
+
+def see_to_the_end(
+    handle: RunHandle, log: Path | None, show: Callable[[], None] = lambda: None
+) -> RunReport:
+    """Wait for a run; Ctrl-C stops along the path.
+
+    Args:
+        handle: The run.
+        log: Where it is recorded.
+        show: Called now and then, to show how far it is.
+
+    Raises:
+        DuoglideError: It cannot be run.
+        Failed: It did not come to its end.
+        Stopped: It was interrupted, and stands.
+    """
     from duoglide.control.host.run.handle import stop_on_interrupt
     from duoglide.control.host.run.report import require_success
 
-    handle = robot.start(trajectory, log=log, approach=approach, override=override)
     try:
         with stop_on_interrupt(handle):
-            first = "approaching" if handle.approaching else ""
-            with progress("streaming", trajectory.duration, first) as done:
-                while not handle.done:
-                    done(0.0 if handle.approaching else handle.status.path_time)
-                    time.sleep(_LOOK)
+            while not handle.done:
+                show()
+                time.sleep(_LOOK)
             report = handle.wait()
     except KeyboardInterrupt as interrupt:
         facts = run_numbers(handle.wait(), log) if handle.reported else {}
         raise Stopped(str(interrupt), facts) from None
     try:
         require_success(report)
+        if handle.failure is not None:
+            raise handle.failure
         _require_end(report)
     except DuoglideError as error:
         raise Failed(error, run_numbers(report, log)) from error

@@ -70,6 +70,16 @@ def require_picture(file: Path | None, *, reads: Iterable[Path | None] = ()) -> 
     require_place(file, reads=reads)
 
 
+def require_new(folder: Path | None) -> None:
+    """Refuse a folder to be made where something is already.
+
+    Raises:
+        InputError: Something is there.
+    """
+    if folder is not None and (folder.exists() or folder.is_symlink()):
+        raise InputError(f"cannot write {folder}: it is there already; take another name")
+
+
 def _require_writable(file: Path, folder: Path) -> None:
     if file.is_dir():
         raise InputError(f"cannot write {file}: it is a folder")

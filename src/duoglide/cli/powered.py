@@ -23,10 +23,7 @@ View: TypeAlias = Annotated[
     typer.Option("--view", metavar="PORT", min=0, max=65535, help="Serve the live page there."),
 ]
 
-_NO_PRIORITY = (
-    "warning: the kernel gives the stream no real-time priority, so a busy computer may make it"
-    " late; duoglide doctor says how to get it"
-)
+_NO_PRIORITY = "warning: no real-time priority, cycles may be late: see duoglide doctor"
 
 
 def require_page(port: int | None) -> None:

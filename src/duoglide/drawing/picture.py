@@ -15,7 +15,9 @@ from matplotlib.figure import Figure
 from duoglide.errors import InputError
 from duoglide.storage.atomic import appearing
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73")  # carriages 1 to 3, told apart by everybody
+COLOURS = ("#0072b2", "#d55e00", "#009e73")  # carriages 1 to 3 and nothing else, told apart by all
+CURVE = "#5e3c99"  # what belongs to no carriage
+LOST = "#cc0050"  # what fails, or is lost
 WIDTHS = (2.6, 1.7, 0.9)  # so that carriages that move alike are all seen
 LIMIT = "#7f7f7f"
 SCREEN = 160  # dots per inch on a screen: twice what is shown, for fine ones

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
@@ -18,6 +19,8 @@ from duoglide.kinematics.workspace import section
 from duoglide.machine import Machine
 
 OUTLINE = "#222222"
+ROOM = LinearSegmentedColormap.from_list("room", ["#fbfbfc", "#75858f"])
+"""The more room, the darker; a path is seen on all of it."""
 _CELLS = 240
 _MARGIN = 12.0  # [mm] around what is drawn
 
@@ -34,7 +37,7 @@ def draw_section(axes: Axes, machine: Machine, around: ArrayLike) -> None:
     """
     seeds = np.asarray(around, dtype=np.float64).reshape(-1, 3)
     x, z, room = _field(machine, seeds)
-    drawn = axes.contourf(x, z, room, levels=_levels(room), cmap="Greens", antialiased=False)
+    drawn = axes.contourf(x, z, room, levels=_levels(room), cmap=ROOM, antialiased=False)
     axes.figure.colorbar(drawn, ax=axes, label="clearance [mm]", shrink=0.85, pad=0.02)
     _hatch(axes, machine, (x, z, room))
     for line in with_walls([line for _, line in section(machine.geometry).outline()]):

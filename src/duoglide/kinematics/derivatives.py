@@ -1,11 +1,12 @@
 """The derivatives of the closed form, which come down to those of one root: r r = L^2 - a^2 - b^2.
 
 Leibniz' rule on that product, solved for the highest derivative of r, gives them. It stands here
-three times, because it is asked for in three ways. ``root_jet`` is the first three for one pose:
-the stream has no time for arrays, and the search for a timing compiles it. ``root_jets`` is for
-many poses, by whole columns, and for as many orders as are asked for. ``root_bounds`` and
-``root_jet_bounds`` are those two with the absolute value of each term: they bound the derivatives
-where a, b and theirs are known only within bounds. Tests hold them together.
+three times, because it is asked for in three ways. ``root_jet`` is the first three for one pose,
+and ``root_rates`` two of them: the stream has no time for arrays, and the search for a timing
+compiles them. ``root_jets`` is for many poses, by whole columns, and for as many orders as are
+asked for. ``root_bounds`` and ``root_jet_bounds`` are those two with the absolute value of each
+term: they bound the derivatives where a, b and theirs are known only within bounds. Tests hold
+them together.
 """
 
 from __future__ import annotations
@@ -17,14 +18,25 @@ from duoglide.arrays import FloatArray
 from duoglide.kinematics.constants import PoseConstants
 
 Jet: TypeAlias = tuple[float, float, float, float]  # a value and three derivatives
-Three: TypeAlias = tuple[float, float, float]  # derivatives, without the value
+Three: TypeAlias = tuple[float, float, float]  # three of them, the value among them or not
 ArrayJet: TypeAlias = list[FloatArray]  # values, first derivatives, second, ...
 
 
-def root_jet(r: float, a: Jet, b: Jet) -> Jet:
-    """Differentiate r = sqrt(L^2 - a^2 - b^2) three times, from r r' = -(a a' + b b')."""
+def root_rates(r: float, a: Three, b: Three) -> tuple[float, float]:
+    """Differentiate r = sqrt(L^2 - a^2 - b^2) twice, from r r' = -(a a' + b b').
+
+    Args:
+        r: The root, above 0.
+        a: A value and two derivatives.
+        b: Likewise.
+    """
     r1 = -(a[0] * a[1] + b[0] * b[1]) / r
-    r2 = -(a[1] * a[1] + a[0] * a[2] + b[1] * b[1] + b[0] * b[2] + r1 * r1) / r
+    return r1, -(a[1] * a[1] + a[0] * a[2] + b[1] * b[1] + b[0] * b[2] + r1 * r1) / r
+
+
+def root_jet(r: float, a: Jet, b: Jet) -> Jet:
+    """Differentiate r = sqrt(L^2 - a^2 - b^2) three times."""
+    r1, r2 = root_rates(r, (a[0], a[1], a[2]), (b[0], b[1], b[2]))
     r3 = -(3.0 * (a[1] * a[2] + b[1] * b[2] + r1 * r2) + a[0] * a[3] + b[0] * b[3]) / r
     return r, r1, r2, r3
 

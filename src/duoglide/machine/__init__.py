@@ -6,6 +6,7 @@ from duoglide.machine.drive_settings import DriveSettings, Reference
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits
 from duoglide.machine.machine import Machine
+from duoglide.machine.masses import Masses
 from duoglide.machine.timing import Timing
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "Geometry",
     "Homing",
     "Machine",
+    "Masses",
     "Quirks",
     "Reference",
     "Timing",

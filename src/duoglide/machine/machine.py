@@ -18,6 +18,7 @@ from duoglide.machine.drive_quirks import Homing, Quirks
 from duoglide.machine.drive_settings import DriveSettings
 from duoglide.machine.geometry import Geometry
 from duoglide.machine.limits import CarriageLimits, DerivedLimits
+from duoglide.machine.masses import Masses
 from duoglide.machine.meaning import documented, setting, told
 from duoglide.machine.timing import Timing
 from duoglide.machine.toml_read import load_file
@@ -29,6 +30,7 @@ _TABLES = {
     "limits": CarriageLimits,
     "stop_limits": CarriageLimits,
     "drives": DriveSettings,
+    "masses": Masses,
 }
 _INNER_TABLES = {"keep_out": Box, "drives.homing": Homing, "drives.quirks": Quirks}
 
@@ -53,12 +55,16 @@ class Machine:
         default_factory=DerivedLimits,
         metadata=told(
             "what a stop on the path may ask, at least limits everywhere; left out, it "
-            "follows limits: 1.5 times the acceleration and jerk"
+            "follows limits: 1.5 times the acceleration, jerk and force"
         ),
     )
     drives: DriveSettings = field(
         default_factory=DriveSettings,
         metadata=told("the three drives, in the order of the carriages"),
+    )
+    masses: Masses = field(
+        default_factory=Masses,
+        metadata=told("masses, friction and gravity, of which forces are computed"),
     )
     clearance: float = setting(
         2.0, "distance to keep from every singular surface and edge of reach", "mm"
@@ -145,7 +151,7 @@ class Machine:
             )
 
     def _require_stop_reserve(self) -> None:
-        for key in ("velocity", "acceleration", "jerk"):
+        for key in ("velocity", "acceleration", "jerk", "force"):
             least, value = getattr(self.limits, key), getattr(self.stop_limits, key)
             if np.any(value < least):
                 raise ConfigError(

@@ -94,7 +94,7 @@ def _entry(kind: type[Any], item: Field[Any], hint: Any) -> dict[str, Any]:
     value = plain(default)
     if isinstance(value, list) and len(value) == 3 and _takes(kind, item.name, value[0]):
         entry = {"anyOf": [entry["items"], entry]}
-    if not _is_table(value):  # a profile may complete it
+    if not _is_table(value) and np.inf not in np.ravel(value):  # a profile may complete a table
         entry["default"] = value
     return entry
 

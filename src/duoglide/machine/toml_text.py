@@ -44,6 +44,8 @@ def commented(tables: Mapping[str, Any], kinds: Mapping[str, type]) -> str:
             outer, _, key = name.rpartition(".")
             if not again and key in meaning.get(outer, {}):
                 lines += _comment(sentence(meaning[outer][key]))
+            if isinstance(table := tables.get(name), Mapping):
+                lines += _left_out(table, {"": words})[:-1]
         elif (key_of := _KEY.match(line)) and (word := words.get(key_of[1])):
             beside = f"{line}  # {word}"
             lines += [beside] if len(beside) <= WIDTH else [*_comment(word), line]

@@ -11,6 +11,7 @@ import numpy as np
 
 from duoglide.arrays import FloatArray, IndexArray, read_only
 from duoglide.machine import CarriageLimits
+from duoglide.motion.forces import motion_forces
 from duoglide.motion.led_stops import PROMISED, LedStops
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.carriage import CarriagePath
@@ -26,11 +27,12 @@ _ROUNDING = 16.0  # A third difference of positions is wrong by so many units of
 
 
 class Limit(IntEnum):
-    """Which derivative of a carriage's position is limited."""
+    """What of a carriage is limited: a derivative of its position, or its force."""
 
     VELOCITY = 1
     ACCELERATION = 2
     JERK = 3
+    FORCE = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +65,7 @@ class Audit:
         velocity: Worst use of each carriage's velocity limit, 1.0 = at the limit, shape (3,).
         acceleration: The same for acceleration, shape (3,).
         jerk: The same for jerk, shape (3,).
+        force: The same for force, in closed form, shape (3,); 0 where there is no limit.
         period: Step of the differences [s]; 0 where the motion is so long that exact derivatives
             at points of every piece of the profile were taken instead.
         duration: Of the trajectory [s].
@@ -78,6 +81,7 @@ class Audit:
         braking_clearance: The least clearance while every drive brakes by itself, out of any
             instant of the motion: a lower bound, certain between samples too; NaN where that was
             not looked at.
+        braking_carriage_margin: The least carriage margin then, likewise [mm].
         braking_cost: By how much longer the motion takes for that [s].
         stays_on_path: For which share of the duration it is promised, of each drive, that the
             platform stays within 1 mm of its path should that drive fail and brake by itself, shape
@@ -92,6 +96,7 @@ class Audit:
     velocity: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    force: FloatArray
     period: float
     duration: float
     times: FloatArray
@@ -102,6 +107,7 @@ class Audit:
     least_clearance: float
     carriage_margin: float
     braking_clearance: float
+    braking_carriage_margin: float
     braking_cost: float
     stays_on_path: FloatArray
     feed_share: float = 0.0
@@ -111,7 +117,8 @@ class Audit:
     @property
     def worst(self) -> float:
         """The largest use of any limit; 1.0 = at the limit."""
-        return float(max(self.velocity.max(), self.acceleration.max(), self.jerk.max()))
+        uses = self.velocity, self.acceleration, self.jerk, self.force
+        return float(max(use.max() for use in uses))
 
     @property
     def picks_per_minute(self) -> float:
@@ -136,6 +143,7 @@ class Audit:
         )
 
     def __str__(self) -> str:
+        force = [("force", self.force)] if self.force.any() else []
         rate = f", {self.picks_per_minute:.1f} picks per minute" if self.picks else ""
         lines = [
             f"duration {self.duration:.4f} s{rate}",
@@ -145,6 +153,7 @@ class Audit:
                     ("velocity", self.velocity),
                     ("acceleration", self.acceleration),
                     ("jerk", self.jerk),
+                    *force,
                 )
             ),
             f"limited by: {self.explain()}",
@@ -157,7 +166,8 @@ class Audit:
             )
             lines.append(
                 f"brake-safe, {cost}: clearance while all drives brake by themselves at least"
-                f" {self.braking_clearance:.3f} mm"
+                f" {self.braking_clearance:.3f} mm, carriage margin"
+                f" {self.braking_carriage_margin:.3f} mm"
             )
         if not np.isnan(self.stays_on_path).any():
             shares = ", ".join(f"{100.0 * share:.0f} %" for share in self.stays_on_path)
@@ -191,6 +201,7 @@ def audit(motion: Motion, led: LedStops | None = None) -> Audit:
         velocity=read_only(worst[0]),
         acceleration=read_only(worst[1]),
         jerk=read_only(worst[2]),
+        force=read_only(worst[3]),
         period=step,
         duration=motion.duration,
         times=read_only(times),
@@ -201,6 +212,7 @@ def audit(motion: Motion, led: LedStops | None = None) -> Audit:
         least_clearance=motion.path.least_clearance,
         carriage_margin=motion.path.carriage_margin,
         braking_clearance=report.braking_clearance,
+        braking_carriage_margin=report.braking_carriage_margin,
         braking_cost=max(motion.duration - before, 0.0) if before > 0.0 else 0.0,
         stays_on_path=read_only(np.full(3, np.nan) if led is None else np.array(led.shares)),
         feed_share=_feed_share(motion),
@@ -223,12 +235,11 @@ def _by_differences(motion: Motion, step: float) -> Findings:
     first, last = (-3 if motion.starts_at_rest else 0), 3 if motion.ends_at_rest else 0
     grid = np.arange(first, int(motion.duration / step) + last + 1) * step
     uses = _measure_uses(motion.at(grid).carriages, step, limits)
-    worst = np.zeros((3, 3))
-    for row, use in zip(worst, uses, strict=True):
-        row[:] = use.max(axis=0, initial=0.0)
     size = len(uses[2])
     times = np.asarray(grid[:size] + 1.5 * step, dtype=np.float64)
-    every = np.concatenate([use[:size] for use in uses], axis=-1)
+    four = *uses, _force_uses(motion, times)
+    worst = np.array([use.max(axis=0, initial=0.0) for use in four])
+    every = np.concatenate([use[:size] for use in four], axis=-1)
     return worst, times, every.max(axis=-1), every.argmax(axis=-1)
 
 
@@ -245,11 +256,21 @@ def _by_pieces(motion: Motion) -> Findings:
             np.abs(state.velocity) / limits.velocity,
             np.abs(state.acceleration) / limits.acceleration,
             np.abs(state.jerk) / limits.jerk,
+            _force_uses(motion, times),
         ],
         axis=-1,
     )
-    worst = every.max(axis=0).reshape(3, 3)
+    worst = every.max(axis=0).reshape(4, 3)
     return worst, times, every.max(axis=-1), every.argmax(axis=-1)
+
+
+def _force_uses(motion: Motion, times: FloatArray) -> FloatArray:
+    """Return the uses of the force limits, (n, 3); 0 where there is none."""
+    limits = motion.machine.limits.force
+    if np.isinf(limits).all():
+        return np.zeros((times.size, 3))
+    uses: FloatArray = np.abs(motion_forces(motion, times)) / limits
+    return uses
 
 
 def _step(motion: Motion) -> float:
@@ -301,7 +322,7 @@ def _share_time(times: FloatArray, limiting: IndexArray, use: FloatArray) -> tup
     """Return how long each limit holds the motion back, the longest first."""
     spans = np.gradient(times) if times.size > 1 else np.ones(times.size)
     held = use >= AT_LIMIT
-    weights = np.bincount(limiting[held], weights=spans[held], minlength=9) / spans.sum()
+    weights = np.bincount(limiting[held], weights=spans[held], minlength=12) / spans.sum()
     return tuple(
         Share(carriage=int(k) % 3 + 1, limit=Limit(int(k) // 3 + 1), share=float(weights[k]))
         for k in np.argsort(-weights, kind="stable")

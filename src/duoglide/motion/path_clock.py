@@ -115,6 +115,36 @@ class PathClock:
         """The rate to run at when nothing holds the clock, 0 to 1."""
         return self._override
 
+    @property
+    def changing(self) -> bool:
+        """Whether a change of rate is under way."""
+        return self._change is not None
+
+    @property
+    def holding(self) -> bool:
+        """Whether a hold is asked for, wherever the clock is."""
+        return self._holding
+
+    @property
+    def stopping(self) -> bool:
+        """Whether it was told to stop for good, wherever it is."""
+        return self._stopping
+
+    def carry_on(self, bounds: StopBounds, shift: float) -> None:
+        """Go on within the bounds of a longer motion, of which this one is a part.
+
+        Args:
+            bounds: Of the longer motion; they cover what comes after this one too.
+            shift: Path time of this motion at which the longer one begins [s].
+
+        Raises:
+            InputError: A change of rate is under way: it was certified for this motion alone.
+        """
+        if self._change is not None:
+            raise InputError("a change of rate is under way: it ends within the old bounds")
+        self._bounds = bounds
+        self._anchor -= shift
+
     def set_override(self, override: float) -> None:
         """Run at this rate, 0 to 1, now or when the hold ends.
 

@@ -10,6 +10,7 @@ from duoglide.arrays import FloatArray
 from duoglide.drawing.notebook import notebook_html
 from duoglide.drawing.over_time import draw_carriages, draw_limited, finish
 from duoglide.drawing.picture import Picture, drawn
+from duoglide.motion.forces import motion_forces
 from duoglide.motion.motion import Motion
 from duoglide.motion.path.segments import show
 from duoglide.motion.timing_report import TimingReport
@@ -21,8 +22,8 @@ def plot_motion(motion: Motion) -> Picture:
     """Draw ``motion``: see ``Trajectory.plot``."""
     times = np.linspace(0.0, motion.duration, _SAMPLES)
     state = motion.at(times)
-    with drawn((7.0, 7.4)) as figure:
-        rows = figure.subplots(4, 1, sharex=True)
+    with drawn((7.0, 9.2)) as figure:
+        rows = figure.subplots(5, 1, sharex=True)
         draw_carriages(rows[0], times, state.carriages, motion.machine)
         for axes, (title, unit, values, limits) in zip(
             rows[1:], _list_rates(motion, times), strict=True
@@ -50,8 +51,7 @@ def show_motion(motion: Motion, actions: int) -> str:
     rates = _list_rates(motion, times)
     for title, unit, values, limits in rates:
         most = (f"{peak:.4g}" for peak in np.abs(values).max(axis=0))
-        bounds = ", ".join(f"{limit:.4g}" for limit in dict.fromkeys(limits.tolist()))
-        peaks.append((f"peak {title.lower()}", *most, f"{bounds} {unit}"))
+        peaks.append((f"peak {title.lower()}", *most, _limits_in_words(limits, unit)))
     with drawn((5.4, 3.4)) as figure:
         rows = figure.subplots(2, 1, sharex=True)
         draw_carriages(rows[0], times, motion.at(times).carriages, motion.machine)
@@ -59,6 +59,13 @@ def show_motion(motion: Motion, actions: int) -> str:
         draw_limited(rows[1], times, values, limits, f"{title} [{unit}]")
         finish(rows, "time [s]")
     return notebook_html("Trajectory", [head, peaks], figure)
+
+
+def _limits_in_words(limits: FloatArray, unit: str) -> str:
+    """Return limits with their unit, or that there is none."""
+    if np.isinf(limits).all():
+        return f"none [{unit}]"
+    return f"{', '.join(f'{limit:.4g}' for limit in dict.fromkeys(limits.tolist()))} {unit}"
 
 
 def _describe_safety(report: TimingReport) -> str:
@@ -71,10 +78,11 @@ def _describe_safety(report: TimingReport) -> str:
 
 
 def _list_rates(motion: Motion, times: FloatArray) -> list[tuple[str, str, FloatArray, FloatArray]]:
-    """Return name, unit, values of shape (n, 3) and limits of the derivatives by time."""
+    """Return name, unit, values of shape (n, 3) and limits of derivatives and forces."""
     state, limits = motion.at(times), motion.machine.limits
     return [
         ("Velocity", "m/s", state.velocity * 1e-3, limits.velocity * 1e-3),
         ("Acceleration", "m/s²", state.acceleration * 1e-3, limits.acceleration * 1e-3),
         ("Jerk", "m/s³", state.jerk * 1e-3, limits.jerk * 1e-3),
+        ("Force", "N", motion_forces(motion, times), limits.force),
     ]

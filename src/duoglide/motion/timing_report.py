@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
+
+from duoglide.errors import printable
+
+_BRAKING = ("braking_clearance", "braking_carriage_margin")  # NaN where not looked at
 
 
 class TimingMethod(StrEnum):
@@ -31,6 +35,7 @@ class TimingReport:
         duration_before_braking: Duration without that slow-down [s]; 0 where there was none.
         braking_clearance: Least clearance while every drive brakes by itself [mm], a lower bound
             that is certain between samples too; NaN where that was not looked at.
+        braking_carriage_margin: Likewise, the least carriage margin [mm].
     """
 
     method: TimingMethod = TimingMethod.NEAR_OPTIMAL
@@ -38,20 +43,25 @@ class TimingReport:
     brake_safe: bool = False
     duration_before_braking: float = 0.0
     braking_clearance: float = float("nan")
+    braking_carriage_margin: float = float("nan")
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values that ``from_dict`` reads back; NaN becomes None, as JSON has none."""
         values = asdict(self)
         values["method"] = self.method.value
-        if self.braking_clearance != self.braking_clearance:
-            values["braking_clearance"] = None
-        return values
+        return values | {name: None for name in _BRAKING if values[name] != values[name]}
+
+    def without_braking(self) -> TimingReport:
+        """Return the report of a motion whose drives' own stops have not been looked at."""
+        nan = float("nan")
+        return replace(self, brake_safe=False, braking_clearance=nan, braking_carriage_margin=nan)
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> TimingReport:
         """Build the report that ``to_dict`` described."""
         values = dict(document)
         values["method"] = TimingMethod(values["method"])
-        if values["braking_clearance"] is None:
-            values["braking_clearance"] = float("nan")
+        values["reason"] = printable(values["reason"])  # it is shown to people, as an audit
+        nothing = [name for name in _BRAKING if values.get(name) is None]
+        values |= dict.fromkeys(nothing, float("nan"))
         return cls(**values)

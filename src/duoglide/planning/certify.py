@@ -15,10 +15,9 @@ from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.planning.braking.certificate import brake_report
 from duoglide.planning.check.check import check_curve
+from duoglide.planning.force_limits import require_forces
 from duoglide.planning.limit_use import Uses, require_limits
 from duoglide.planning.transfer.certificate import certify as certify_transfer
-
-NOT_LOOKED_AT = float("nan")
 
 
 def certify(machine: Machine, motion: Motion) -> tuple[Motion, Uses]:
@@ -32,7 +31,9 @@ def certify(machine: Machine, motion: Motion) -> tuple[Motion, Uses]:
         LimitError: It asks for more than a limit of the machine.
     """
     bound = Motion(bind(machine, motion.path), motion.profile, report=motion.report)
-    return bound, require_limits(bound, machine.limits)
+    uses = require_limits(bound, machine.limits)
+    require_forces(bound)
+    return bound, uses
 
 
 def bind(machine: Machine, path: CarriagePath | TransferPath) -> CarriagePath | TransferPath:
@@ -52,9 +53,10 @@ def renew_report(motion: Motion) -> Motion:
     """Return a motion whose report claims to be brake-safe only if that is certain once more."""
     claim = motion.report
     if not claim.brake_safe:
-        report = replace(claim, braking_clearance=NOT_LOOKED_AT)
+        report = claim.without_braking()
+    elif (found := brake_report(motion)).safe:
+        clearance, margin = found.clearance, found.carriage_margin
+        report = replace(claim, braking_clearance=clearance, braking_carriage_margin=margin)
     else:
-        found = brake_report(motion)
-        clearance = found.clearance if found.safe else NOT_LOOKED_AT
-        report = replace(claim, brake_safe=found.safe, braking_clearance=clearance)
+        report = claim.without_braking()
     return Motion(motion.path, motion.profile, report=report)

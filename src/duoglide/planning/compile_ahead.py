@@ -42,6 +42,7 @@ def ready() -> bool:
     from duoglide.kinematics.headroom import nearby_kernel
     from duoglide.planning.braking import carriage_bounds, led_kernel
     from duoglide.planning.braking import kernel as brake_kernel
+    from duoglide.planning.rounding import deviation
     from duoglide.planning.stops import kernel as stop_kernel
     from duoglide.planning.timing import interior_point, motion_kernel, rows
 
@@ -50,14 +51,14 @@ def ready() -> bool:
         for loop in (
             motion_kernel.carriage_motion,
             rows.fill_limits,
-            interior_point.find_direction,
-            interior_point.advance,
+            interior_point.take_steps,
             carriage_bounds.through_links,
             nearby_kernel.swing,
             stop_kernel.find_largest_slopes,
             stop_kernel.fill_windows,
             brake_kernel.spread,
             led_kernel.follow,
+            deviation.measure_deviation,
         )
     )
 

@@ -43,7 +43,9 @@ def plan(
 
     Raises:
         InputError: No machine, no path, or no such timing.
-        PathError: The machine cannot follow the path; says where and by how much.
+        PathError: The machine cannot follow the path, or not hold a pose of it within the force
+            limits; says where and by how much.
+        LimitError: Drives that brake by themselves have not the force for it.
     """
     require_noun(machine, Machine)
     require_noun(path, Path)

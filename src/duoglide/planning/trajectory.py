@@ -9,8 +9,9 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import FloatArray, as_floats
 from duoglide.errors import DuoglideError, InputError, LimitError, LogError
 from duoglide.machine import Machine
 from duoglide.motion.motion import Motion
@@ -22,7 +23,7 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.stop_bounds import StopBounds
 from duoglide.motion.timing_report import TimingMethod, TimingReport
-from duoglide.planning.certify import NOT_LOOKED_AT, certify, renew_report
+from duoglide.planning.certify import certify, renew_report
 from duoglide.planning.limit_use import ALLOWED, NAMES, uses_at_cycles
 from duoglide.planning.stops.certificate import certify_stops, stop_bounds_until
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from duoglide.motion.audit import Audit
+    from duoglide.motion.forces import Demand
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -77,12 +79,7 @@ class Trajectory(Motion):
             LimitError: The positions of its cycles ask for more than the machine's ``stop_limits``;
                 a run whose last cycles were filtered out breaks off at speed, and does.
         """
-        report = replace(
-            plan.report,
-            method=TimingMethod.RECORDED,
-            brake_safe=False,
-            braking_clearance=NOT_LOOKED_AT,
-        )
+        report = replace(plan.report.without_braking(), method=TimingMethod.RECORDED)
         motion = Motion(plan.path, pace.profile_of(plan.profile), report=report)
         _require_stop_limits(motion)
         due = tuple((pace.time_of(t), action) for t, action in plan.actions)
@@ -121,6 +118,27 @@ class Trajectory(Motion):
         from duoglide.planning.braking.led import led_stops
 
         return audit(self, led_stops(self))
+
+    def forces(self, t: ArrayLike) -> FloatArray:
+        """Return the forces on the carriages along +y at time ``t`` [N], shape (..., 3).
+
+        Closed form, exact, with ``machine.masses``: see ``dg.carriage_forces``.
+
+        Args:
+            t: Time from the start [s], any shape (...); clamped to both ends.
+
+        Raises:
+            InputError: Not a finite number.
+        """
+        from duoglide.motion.forces import motion_forces
+
+        return motion_forces(self, as_floats(t, "t"))
+
+    def demand(self) -> Demand:
+        """Measure what the motion demands of its drives: forces, power, energy; at 20 kHz."""
+        from duoglide.motion.forces import measure_demand
+
+        return measure_demand(self)
 
     def lower_bound(self) -> float:
         """Return a duration that no motion along this curve can beat [s]: toppra, without jerk.

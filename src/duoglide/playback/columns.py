@@ -7,16 +7,20 @@ from typing import Any
 import numpy as np
 
 from duoglide.arrays import AXES, BoolArray, FloatArray
-from duoglide.errors import SingularityError, UnreachableError
+from duoglide.errors import InputError, SingularityError, UnreachableError
+from duoglide.kinematics.dynamics.dynamics import carriage_forces
 from duoglide.kinematics.model import forward, reachable
 from duoglide.kinematics.singularity.margins import clearance, margins
-from duoglide.machine import Geometry
-from duoglide.playback.run_data import IntArray, RunData, read_run
+from duoglide.machine import Geometry, Machine
+from duoglide.motion.forces import forward_rates
+from duoglide.playback.run_data import IntArray, RunData, machine_of, read_run
 from duoglide.storage import Log, LogKind, MotionRecord, Topic
 
 Columns = dict[str, Any]
 """Column name, with its unit as the last word, to an array of one value a row."""
 
+
+_RATES = ("carriages", "velocity", "acceleration")
 
 FAMILIES = (
     "legs_vertical",
@@ -37,7 +41,8 @@ def columns_of(log: Log) -> Columns:
     """
     if log.kind is LogKind.RUN:
         return run_columns(read_run(log))
-    return _plan_columns([record for _, record in log.records(Topic.MOTION)])
+    records = [record for _, record in log.records(Topic.MOTION)]
+    return _plan_columns(records, machine_of(log))
 
 
 def run_columns(data: RunData) -> Columns:
@@ -62,10 +67,11 @@ def run_columns(data: RunData) -> Columns:
     _add_axes(columns, "statusword", "", data.statusword)
     columns["lateness_us"] = data.lateness
     columns["missing"] = data.missing
+    columns["part"] = data.part
     return columns
 
 
-def _plan_columns(records: list[MotionRecord]) -> Columns:
+def _plan_columns(records: list[MotionRecord], machine: Machine) -> Columns:
     columns: Columns = {"path_time_s": np.array([record.path_time for record in records])}
     position = _rows([record.position for record in records])
     for index, name in enumerate("xyz"):
@@ -77,7 +83,20 @@ def _plan_columns(records: list[MotionRecord]) -> Columns:
         ("jerk", "mm_per_s3"),
     ):
         _add_axes(columns, name, unit, _rows([getattr(record, name) for record in records]))
+    rates = (_rows([getattr(record, name) for record in records]) for name in _RATES)
+    _add_axes(columns, "force", "N", _forces(machine, *rates))
     return columns
+
+
+def _forces(
+    machine: Machine, carriages: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> FloatArray:
+    """Return the forces of each row [N], NaN where the records hold no motion of the links."""
+    try:
+        state = forward_rates(machine.geometry, carriages, velocity, acceleration)
+        return carriage_forces(machine, *state)
+    except (UnreachableError, SingularityError, InputError):
+        return np.full(carriages.shape, np.nan)
 
 
 def platform(geometry: Geometry, carriages: FloatArray) -> FloatArray:

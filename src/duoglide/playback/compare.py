@@ -7,7 +7,8 @@ place on it; runs of different paths are compared at equal path time.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from duoglide.control.channel.scale import Scales
 from duoglide.errors import LogError
 from duoglide.motion.profile import Profile
 from duoglide.planning.trajectory import Trajectory
-from duoglide.playback.rebuild import plan_of
+from duoglide.playback.rebuild import first_part, plans_of
 from duoglide.playback.run_data import SETPOINT_DELAY, IntArray, RunData, read_run
 from duoglide.playback.summary import Lateness, summarise_run
 from duoglide.storage import Log
@@ -36,21 +37,26 @@ class Streamed:
     """A run and what it was to be.
 
     Attributes:
-        plan: The trajectory of its log.
+        plan: The trajectory of its log, or of a part of a program.
         data: Its cycles.
+        part: Which part of a program; 0 of any other run.
     """
 
     plan: Trajectory
     data: RunData
+    part: int = 0
 
     @classmethod
-    def of(cls, log: Log) -> Streamed:
-        """Read a run.
+    def parts_of(cls, log: Log) -> dict[int, Streamed]:
+        """Read a run, and the parts of a program one by one.
 
         Raises:
             LogError: Not a run, or it does not hold its plan or its machine.
         """
-        return cls(plan=plan_of(log), data=read_run(log))
+        data = read_run(log)
+        passed = set(data.part[data.on_plan].tolist()) or {first_part(log)}
+        plans = plans_of(log)
+        return {part: cls(plans[part].whole or plans[part], data, part) for part in sorted(passed)}
 
     def rows(self) -> IntArray:
         """Return the cycles on the plan.
@@ -58,7 +64,7 @@ class Streamed:
         Raises:
             LogError: There are none.
         """
-        rows: IntArray = np.flatnonzero(self.data.on_plan)
+        rows: IntArray = np.flatnonzero(self.data.on_plan & (self.data.part == self.part))
         if len(rows) == 0:
             raise LogError("a run without a cycle on its plan cannot be compared")
         return rows
@@ -149,7 +155,12 @@ def compare(one: Log, other: Log) -> Comparison:
     Raises:
         LogError: One is no run, holds no plan, or has no cycle on its plan.
     """
-    return compare_streamed(Streamed.of(one), Streamed.of(other))
+    ones, others = Streamed.parts_of(one), Streamed.parts_of(other)
+    common = sorted(set(ones) & set(others))
+    if not common:
+        raise LogError(f"{one.path} and {other.path} have no part of a program in common")
+    pairs = [(ones[part], others[part]) for part in common]
+    return _put_together([compare_streamed(*pair) for pair in pairs], pairs)
 
 
 def compare_streamed(one: Streamed, other: Streamed) -> Comparison:
@@ -172,6 +183,47 @@ def compare_streamed(one: Streamed, other: Streamed) -> Comparison:
         actual=_actual_difference(one, a, other, b, same_path),
         common=len(common),
         by_cycle=tuple(apart.max(axis=0).tolist()),
+    )
+
+
+def _put_together(found: list[Comparison], pairs: list[tuple[Streamed, Streamed]]) -> Comparison:
+    """Return the comparison of all parts of two programs from those of each of them."""
+    if len(found) == 1:
+        return found[0]
+    begun = pairs[0][0].rows()[0]
+    firsts = [
+        comparison.first + int(one.data.cycle[one.rows()[0]] - one.data.cycle[begun])
+        for comparison, (one, _) in zip(found, pairs, strict=True)
+        if comparison.first >= 0
+    ]
+    setpoint, actual, by_cycle = (
+        np.max([getattr(comparison, name) for comparison in found], axis=0).tolist()
+        for name in ("setpoint", "actual", "by_cycle")
+    )
+    ones, others = zip(*(comparison.runs for comparison in found), strict=True)
+    return Comparison(
+        runs=(_put_sides_together(ones), _put_sides_together(others)),
+        same_path=all(comparison.same_path for comparison in found),
+        setpoint=tuple(setpoint),
+        first=min(firsts, default=-1),
+        actual=tuple(actual),
+        common=sum(comparison.common for comparison in found),
+        by_cycle=tuple(by_cycle),
+    )
+
+
+def _put_sides_together(sides: Sequence[RunSide]) -> RunSide:
+    """Return one side of all parts; errors and lateness are those of the whole run anyway."""
+    paces = (pace for side in sides for pace in side.paces)
+    return replace(
+        sides[0],
+        cycles=sum(side.cycles for side in sides),
+        planned=sum(side.planned for side in sides),
+        duration=sum(side.duration for side in sides),
+        path_time=sum(side.path_time for side in sides),
+        paces=tuple(
+            pace for pace, before in zip(paces, [None, *paces], strict=False) if pace != before
+        ),
     )
 
 

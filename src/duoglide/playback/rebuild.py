@@ -19,6 +19,7 @@ from duoglide.motion.path.actions import WaitInput
 from duoglide.planning.trajectory import Trajectory
 from duoglide.playback.run_data import IntArray, RunData, read_run
 from duoglide.storage import Document, Log, LogKind
+from duoglide.storage.records import is_part
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,64 @@ def plan_of(log: Log) -> Trajectory:
         return Trajectory.from_document(log.document(Document.TRAJECTORY))
     except DuoglideError as error:
         raise LogError(f"{log.path}: {error}") from error
+
+
+def plans_of(log: Log) -> dict[int, Trajectory]:
+    """Return the plan of each part of a program in a log; part 0 of any other run.
+
+    Raises:
+        LogError: One cannot be understood, or its machine cannot follow it.
+    """
+    first = first_part(log)
+    plans = {first: plan_of(log)}
+    for name, document in log.documents.items():
+        if is_part(name):
+            number = int(name.rpartition("_")[2])
+            try:
+                plans[number] = Trajectory.from_document(document)
+            except DuoglideError as error:
+                raise LogError(f"{log.path}: part {number}: {error}") from error
+    return plans
+
+
+def is_program(log: Log) -> bool:
+    """Whether a run was a program of more parts than one."""
+    return first_part(log) > 0 or any(is_part(name) for name in log.documents)
+
+
+def first_part(log: Log) -> int:
+    """Return which part of a program is the first in a log; 0 but in the later files of a run."""
+    text = log.metadata.get("first_part", "0")
+    if not text.isdecimal():
+        raise LogError(f"{log.path}: the head of the log says first_part = {text!r:.40}")
+    return int(text)
+
+
+def rebuild_parts(log: Log) -> list[Trajectory]:
+    """Return the parts of a recorded program, whole: their plans, up to where each was left.
+
+    Its last part is the way to rest, as a program ends. Which pace they were run at is not in them.
+
+    Raises:
+        LogError: The log does not begin with the program, parts or cycles of it are lost, or its
+            setpoints are not those of its plans.
+    """
+    if first_part(log):
+        raise LogError(
+            f"{log.path} is a later file of a run, and begins in the middle of its program: replay"
+            " its first file"
+        )
+    plans, data = plans_of(log), read_run(log)
+    rows = program_rows(log, data)
+    _require_every_cycle(log, data.cycle[rows])
+    passed = np.unique(data.part[rows]).tolist()
+    if lost := sorted(set(range(passed[-1] + 1)) - set(plans)):
+        raise LogError(f"{log.path}: the plan of part {lost[0]} is not in it")
+    for part in passed:
+        whole = plans[part].whole or plans[part]
+        _require_same_setpoints(log, whole, data, rows[data.part[rows] == part])
+    last = plans[passed[-1]]
+    return [*(plans[part] for part in range(passed[-1])), last.whole or last]
 
 
 def program_rows(log: Log, data: RunData) -> IntArray:

@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from duoglide.arrays import as_number
-from duoglide.control.host.run.fitness import machine_that_moves
+from duoglide.control.host.run.fitness import machine_that_moves, require_chain
 from duoglide.errors import InputError, LogError
 from duoglide.playback.pace import slowed
-from duoglide.playback.rebuild import rebuild
+from duoglide.playback.rebuild import is_program, rebuild, rebuild_parts
 from duoglide.playback.recheck import recheck
 from duoglide.storage import Document, read_log
 from duoglide.storage.paths import as_path
 
 if TYPE_CHECKING:
+    from duoglide.control.host.robot import Robot
     from duoglide.control.host.run.report import RunReport
     from duoglide.machine import Machine
     from duoglide.planning.trajectory import Trajectory
@@ -27,13 +28,25 @@ class Rerun:
 
     Attributes:
         machine: Who shall follow it.
-        trajectory: What.
+        trajectory: What; of a program, its first part.
         approach: Whether it may move to the start first.
+        parts: Of a program, all of them.
+        override: Share of their speed, above 0 to 1.
     """
 
     machine: Machine
     trajectory: Trajectory
     approach: bool
+    parts: tuple[Trajectory, ...] = ()
+    override: float = 1.0
+
+    def run(self, robot: Robot, log: str | Path | None) -> RunReport:
+        """Stream it on a machine that is ready."""
+        if self.parts:
+            return robot.run_parts(
+                self.parts, log=log, approach=self.approach, override=self.override
+            )
+        return robot.run(self.trajectory, log=log, approach=self.approach)
 
 
 def replay(
@@ -56,7 +69,8 @@ def replay(
         log: Where to record the new run; None: nowhere.
         approach: Whether to make a planned, checked approach where the machine is not at the
             start; a run that began with an approach always makes one again.
-        override: Speed as a share of the plan's, above 0 to 1; None: the pace that was recorded.
+        override: Speed as a share of the plan's, above 0 to 1; None: the pace that was recorded. A
+            program is run at an even pace, of its plans where none is given.
         home_here: That somebody has seen the machine stand in its home pose, should it have to be
             homed; simulated drives need nobody.
 
@@ -75,10 +89,11 @@ def replay(
 
     with Robot.connect(again.machine, bus=bus) as robot:
         robot.require_reference(confirm=home_here)
-        robot.prepare(again.trajectory, again.approach)
+        if not again.parts:
+            robot.prepare(again.trajectory, again.approach)
         robot.enable()
         robot.home(confirm=home_here)
-        return robot.run(again.trajectory, log=log, approach=again.approach)
+        return again.run(robot, log)
 
 
 def prepare(
@@ -98,6 +113,13 @@ def prepare(
     if log is not None and as_path(log, "log").resolve() == source.resolve():
         raise LogError(f"{source}: the new log must not take the place of the run that is replayed")
     recording = read_log(source)
+    approach = approach or Document.APPROACH in recording.documents
+    if is_program(recording):
+        parts = rebuild_parts(recording)
+        described = machine_that_moves(machine, parts[0].machine, bus)
+        parts = require_chain(parts, described)
+        share = 1.0 if override is None else require_share(override)
+        return Rerun(described, parts[0], approach, tuple(parts), share)
     recorded = rebuild(recording)
     described = machine_that_moves(machine, recorded.plan.machine, bus)
     share = 1.0 if override is None else require_share(override)
@@ -106,7 +128,7 @@ def prepare(
         trajectory, _ = motion.certified_for(described)
     else:
         trajectory = recheck(described, motion, share)
-    return Rerun(described, trajectory, approach or Document.APPROACH in recording.documents)
+    return Rerun(described, trajectory, approach)
 
 
 def require_share(override: float) -> float:

@@ -36,6 +36,7 @@ class RunData:
         statusword: shape (n, 3).
         lateness: [us], shape (n,).
         missing: Bit i: drive i did not answer, shape (n,).
+        part: Which part of a program ``path_time`` is along, shape (n,).
     """
 
     machine: Machine
@@ -50,6 +51,7 @@ class RunData:
     statusword: IntArray
     lateness: IntArray
     missing: IntArray
+    part: IntArray
 
     def __len__(self) -> int:
         return len(self.time)
@@ -165,6 +167,7 @@ _WHOLES = {  # fields of whole numbers, and how many each has
     "statusword": AXES,
     "lateness": 1,
     "missing": 1,
+    "part": 1,
 }
 
 

@@ -248,7 +248,8 @@ def _missing(found: Scan) -> str:
 def _told_cycles(found: Scan) -> int:
     """Return how many cycles the run had, as its report says; 0 where there is none."""
     report = found.documents.get(Document.REPORT)
-    told = report.get("cycles") if isinstance(report, dict) else None
+    here = report if isinstance(report, dict) else {}
+    told = here.get("cycles_in_file", here.get("cycles"))  # a long log has more than one file
     return told if isinstance(told, int) else 0
 
 

@@ -7,6 +7,7 @@ object, so that Foxglove, PlotJuggler and ten lines of Python can read it withou
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
@@ -46,6 +47,28 @@ class Document(StrEnum):
     TRAJECTORY = "trajectory"
     APPROACH = "approach"
     REPORT = "report"
+
+
+def part_name(part: int) -> str:
+    """Return the name of the plan of a part of a program.
+
+    The first part in a file is its TRAJECTORY; the head says which part that is.
+    """
+    return f"{Document.TRAJECTORY}_{part}"
+
+
+def is_part(name: str) -> bool:
+    """Whether a document is the plan of a part, by ``part_name``."""
+    return _PART.fullmatch(name) is not None
+
+
+def is_document(name: str) -> bool:
+    """Whether an attachment is one of ours."""
+    return name in _DOCUMENTS or is_part(name)
+
+
+_DOCUMENTS = frozenset(Document)
+_PART = re.compile(rf"{Document.TRAJECTORY}_[1-9][0-9]{{0,8}}")
 
 
 class Phase(IntEnum):
@@ -116,6 +139,7 @@ class CycleRecord:
         statusword: 0x6041 of each drive, the last one received.
         lateness: How long after its deadline the cycle began [us].
         missing: Bit i is set where drive i's answer to this SYNC did not come.
+        part: Which part of a program ``path_time`` is along, from 0; 0 of any other run.
     """
 
     TOPIC: ClassVar[Topic] = Topic.CYCLE
@@ -130,12 +154,14 @@ class CycleRecord:
     statusword: IntTriple
     lateness: int = 0
     missing: int = 0
+    part: int = 0
 
     def to_json(self) -> bytes:
         """Return the message as one JSON object; formatted by hand, for this is the hot path."""
         return (
             b'{"cycle":%d,"path_time":%b,"setpoint":[%d,%d,%d],"actual":[%d,%d,%d],"lateness":%d,'
-            b'"missing":%d,"phase":%d,"rate":%b,"controlword":[%d,%d,%d],"statusword":[%d,%d,%d]}'
+            b'"missing":%d,"phase":%d,"rate":%b,"controlword":[%d,%d,%d],"statusword":[%d,%d,%d],'
+            b'"part":%d}'
         ) % (  # what changes comes first, so that the rest is one match for the compressor
             self.cycle,
             _float(self.path_time),
@@ -147,6 +173,7 @@ class CycleRecord:
             _float(self.rate),
             *self.controlword,
             *self.statusword,
+            self.part,
         )
 
     @classmethod
@@ -163,6 +190,7 @@ class CycleRecord:
             statusword=_wholes(fields, "statusword", 0, _WORD),
             lateness=_whole(fields, "lateness", -_INT63, _INT63),
             missing=_whole(fields, "missing", 0, 0b111),
+            part=_whole(fields, "part", 0, _INT63) if "part" in fields else 0,  # older logs
         )
 
 

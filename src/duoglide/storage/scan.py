@@ -17,7 +17,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from duoglide.errors import LogError
 from duoglide.storage.head import METADATA_NAME
-from duoglide.storage.records import Document, Topic
+from duoglide.storage.records import Topic, is_document
 from duoglide.storage.strict_json import loads
 from duoglide.storage.walk import BROKEN, PREFIX, PRIVATE, open_chunk, records_in
 
@@ -25,7 +25,6 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish ti
 LATEST = 2**63  # [ns]: a stamp from here on, the year 2262, is none
 _FOOTER_SIZE = PREFIX.size + 20
 _CHUNK_TIMES = struct.Struct("<QQ")  # of its first and its last message
-_DOCUMENTS = frozenset(Document)
 _TOPICS = frozenset(Topic)
 _ENCODING = "json"
 
@@ -137,7 +136,7 @@ class Scan:
         (expected,) = struct.unpack("<I", payload[-4:])
         if expected not in (0, zlib.crc32(payload[:-4])):  # 0: its writer made none
             raise ValueError(f"the checksum of document {attachment.name[:40]!r}")
-        if attachment.name not in _DOCUMENTS:
+        if not is_document(attachment.name):
             return
         try:
             document = loads(attachment.data)

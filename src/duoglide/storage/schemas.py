@@ -25,6 +25,7 @@ _FIELDS: dict[Topic, dict[str, tuple[dict[str, Any], str]]] = {
         "statusword": (_WHOLES, "0x6041, carriages 1 to 3"),
         "lateness": (_WHOLE, "start of the cycle after its deadline, us"),
         "missing": (_WHOLE, "bit i: no answer from drive i + 1 to this SYNC"),
+        "part": (_WHOLE, "which part of a program path_time is along, from 0"),
     },
     Topic.EVENT: {
         "kind": (_TEXT, "what happened"),

@@ -134,19 +134,29 @@ class LogWriter:
     def attach(self, name: str, document: object) -> None:
         """Write a JSON document into the log; it is on disk when this returns.
 
+        Args:
+            name: Of the document.
+            document: Its values, or its JSON as bytes.
+
         Raises:
             LogError: The document is not JSON, or the disk is full.
         """
         try:
-            data = json.dumps(document, allow_nan=False).encode()
+            if not isinstance(document, bytes):
+                document = json.dumps(document, allow_nan=False).encode()
         except (TypeError, ValueError) as error:
             raise LogError(f"document {name} cannot be written as JSON: {error}") from error
         try:
             now = time.time_ns()
-            self._mcap.add_attachment(now, now, str(name), JSON_TYPE, data)
+            self._mcap.add_attachment(now, now, str(name), JSON_TYPE, document)
             self._file.flush()
         except OSError as error:
             raise LogError(f"cannot write {self._path}: {error.strerror}") from error
+
+    @property
+    def size(self) -> int:
+        """How many bytes have been written [byte], but for what is still to be compressed."""
+        return self._file.tell()
 
     def write(self, topic: Topic, t: float, record: Record) -> None:
         """Write one message.

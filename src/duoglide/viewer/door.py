@@ -5,7 +5,8 @@ passes here first: the address holds a token that nobody can guess; Host must na
 which a name that was pointed here later does not; Origin must be the page itself.
 
 Stop does not go through viser at all. The page is given a button of its own, above whatever is
-shown, and the space bar, whatever has the focus; both send a request that is answered here.
+shown, and the space bar, whatever has the focus; both send a request that is answered here. So is
+the banner's: a page that does not hear of the machine any more says so (``overlay.html``).
 """
 
 from __future__ import annotations
@@ -13,58 +14,27 @@ from __future__ import annotations
 import asyncio
 import gzip
 import ipaddress
+import json
 import logging
+import math
 import secrets
+import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http import HTTPStatus
+from importlib import resources
 from typing import Any
 from urllib.parse import urlsplit
 
+_SEEN = "Duoglide-Seen"  # the number of the banner that a page shows
 _ORDER = "Duoglide-Order"  # a header that a foreign page cannot send without asking first
 _STOPPERS = 4  # threads; one that waits for a process which is stuck holds up no other Stop
 _RATE = 200  # messages a second of one page; a hand on a slider and a turning camera make 120
 _BURST = 0.5  # [s] of such messages may come at once
-_SCRIPT = """
-<script>
-(() => {
-  const button = document.createElement("button");
-  const calm = "Stop";
-  button.id = "duoglide-stop";
-  button.textContent = calm;
-  button.title = "Or the space bar, whatever has the focus";
-  button.style.cssText = "position:fixed;left:50%;bottom:16px;transform:translateX(-50%);" +
-    "z-index:2147483647;min-width:220px;padding:14px 28px;border:3px solid #fff;" +
-    "border-radius:10px;background:#c92a2a;color:#fff;font:bold 20px sans-serif;" +
-    "cursor:pointer;pointer-events:auto;box-shadow:0 2px 10px #0008";
-  async function stop() {
-    button.textContent = "Stopping";
-    try {
-      const answer = await fetch("stop", {headers: {"Duoglide-Order": "stop"}, cache: "no-store"});
-      if (!answer.ok) throw new Error(await answer.text());
-      button.textContent = calm;
-    } catch (error) {
-      button.textContent = "STOP DID NOT ARRIVE: " + error.message;
-    }
-  }
-  const ours = event => event.composedPath().includes(button);
-  const take = (event, act) => {
-    event.preventDefault();
-    event.stopImmediatePropagation();
-    if (act) stop();
-  };
-  const isSpace = event => event.code === "Space" || event.key === " ";
-  addEventListener("pointerdown", event => { if (ours(event)) take(event, true); }, true);
-  addEventListener("click", event => { if (ours(event)) take(event, event.detail === 0); }, true);
-  addEventListener("keydown", e => { if (isSpace(e)) take(e, !e.repeat); }, true);
-  addEventListener("keyup", e => { if (isSpace(e)) take(e, false); }, true);
-  addEventListener("keypress", e => { if (isSpace(e)) take(e, false); }, true);
-  document.documentElement.append(button);
-})();
-</script>
-"""
+_OLD = 3.0  # [s] after which what was last told may not be so any more
+_WAIT, _LOOK = 2.0, 0.05  # [s]: how long a banner is waited for, how often it is looked at
 _HEADERS = {  # the token must not leave in a Referer, and nobody may frame the page
     "Referrer-Policy": "no-referrer",
     "X-Frame-Options": "DENY",
@@ -141,17 +111,44 @@ class Gate:
         return given.is_loopback or served.is_unspecified
 
 
+class News:
+    """The newest banner, told by one thread and asked for by pages."""
+
+    def __init__(self) -> None:
+        self._newest = 0, "{}"
+        self._told = -math.inf  # when that was last said [s], monotonic
+
+    @property
+    def newest(self) -> tuple[int, str]:
+        """Its number, and what pages are given of it: a JSON object."""
+        return self._newest
+
+    @property
+    def is_old(self) -> bool:
+        """Whether it has not been said for so long that it may not be so any more."""
+        return time.monotonic() - self._told > _OLD
+
+    def tell(self, words: Mapping[str, Any]) -> None:
+        """Tell pages something, or that it is still so."""
+        self._told = time.monotonic()
+        number, known = self._newest
+        text = json.dumps(words)
+        if text != known:
+            self._newest = number + 1, text
+
+
 class Door:
     """Stands between whoever asks and viser's server.
 
     Args:
         gate: Who is let in.
         stop: What Stop does; it may wait, and may be called by many threads at once.
+        news: What the banner says.
     """
 
-    def __init__(self, gate: Gate, stop: Callable[[], object]) -> None:
+    def __init__(self, gate: Gate, stop: Callable[[], object], news: News) -> None:
         self.gate = gate
-        self._stop = stop
+        self._stop, self._news = stop, news
         self._stoppers = ThreadPoolExecutor(_STOPPERS, thread_name_prefix="page-stop")
         self._page = b""
 
@@ -190,17 +187,31 @@ class Door:
             return _response(asked.status, asked.reason)
         if request.headers.get("Upgrade", "").lower() == "websocket":
             return None
-        if asked == "stop":
-            return await self._answer_stop(request)
+        if asked in ("stop", "state"):
+            answer = self._answer_stop if asked == "stop" else self._answer_state
+            return await answer(request)
         if asked or not request.path.partition("?")[0].endswith("/"):
             if asked not in ("", "index.html"):
                 return _response(HTTPStatus.NOT_FOUND, "there is no such page")
             goal = f"/{self.gate.token}/"
             return _response(HTTPStatus.TEMPORARY_REDIRECT, "this way", Location=goal)
         if not self._page:
-            self._page = gzip.compress(_with_stop(await _page_of(viser, connection)))
+            self._page = gzip.compress(_with_overlay(await _page_of(viser, connection)))
         kind = {"Content-Type": "text/html; charset=utf-8", "Content-Encoding": "gzip"}
         return _response(HTTPStatus.OK, self._page, **kind)
+
+    async def _answer_state(self, request: Any) -> Any:
+        """Answer with the banner, as soon as it is another one than the page has seen."""
+        seen = request.headers.get_all(_SEEN)
+        for _ in range(round(_WAIT / _LOOK)):
+            if [str(self._news.newest[0])] != seen:
+                break
+            await asyncio.sleep(_LOOK)
+        if self._news.is_old:
+            return _response(HTTPStatus.SERVICE_UNAVAILABLE, "nobody looks at the machine")
+        number, words = self._news.newest
+        answer = f'{{"number": {number}, "banner": {words}}}'
+        return _response(HTTPStatus.OK, answer, **{"Content-Type": "application/json"})
 
     async def _answer_stop(self, request: Any) -> Any:
         if request.headers.get_all(_ORDER) != ["stop"]:
@@ -256,9 +267,10 @@ async def _page_of(viser: Any, connection: Any) -> bytes:
     return body
 
 
-def _with_stop(page: bytes) -> bytes:
-    """Put the Stop button at the end of a page."""
-    return page + _SCRIPT.encode()
+def _with_overlay(page: bytes) -> bytes:
+    """Put banner and Stop at the end of a page, and our name at its head."""
+    overlay = resources.files("duoglide.viewer").joinpath("overlay.html").read_bytes()
+    return page.replace(b"<title>Viser</title>", b"<title>Duoglide</title>", 1) + overlay
 
 
 def _response(status: HTTPStatus, body: str | bytes, **more: str) -> Any:

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from duoglide.arrays import FloatArray, read_only
-from duoglide.control.channel.events import RunState
 from duoglide.control.host.run.handle import RunStatus
-from duoglide.drives.cia402 import State
+from duoglide.control.host.trace import TraceEvent, TraceRow
 from duoglide.errors import BusError
 from duoglide.machine import Machine
+from duoglide.viewer.look import Look
 from duoglide.viewer.share import LONGEST, PATIENCE, meeting_place
 
 _PATIENCE = 5.0  # [s] with a process on a busy computer
+_NEVER = 1 << 62  # a number that no row and no event has
 
 
 def find(pid: int | None = None) -> Path:
@@ -69,6 +67,32 @@ class JoinedRun:
         _ask(self.path, {"do": "override", "value": override})
 
 
+@dataclass(frozen=True, slots=True)
+class JoinedTrace:
+    """The trace of a joined machine, asked for as ``Trace`` is.
+
+    Attributes:
+        path: The socket.
+    """
+
+    path: Path
+
+    def rows(self, after: int) -> list[TraceRow]:
+        """Return the rows that are newer than one of that number, the oldest first."""
+        rows = self._ask("rows", after, _NEVER)
+        return [
+            TraceRow(n, t, tuple(c), tuple(f), late, moving) for n, t, c, f, late, moving in rows
+        ]
+
+    def events(self, after: int) -> list[TraceEvent]:
+        """Return the events that are newer than one of that number, the oldest first."""
+        return [TraceEvent(*event) for event in self._ask("events", _NEVER, after)]
+
+    def _ask(self, part: str, row: int, event: int) -> list[Any]:
+        found: list[Any] = _ask(self.path, {"do": "trace", "row": row, "event": event})[part]
+        return found
+
+
 class JoinedRobot:
     """A machine that another process moves; as much of a ``Robot`` as others may touch.
 
@@ -85,40 +109,28 @@ class JoinedRobot:
         self.machine = Machine.from_dict(met["machine"])
         self.bus = str(met["bus"])
 
-    @property
-    def states(self) -> tuple[State, ...]:
-        """States of the three drives."""
-        return tuple(State[name] for name in self._look()["states"])
+    def look(self) -> Look:
+        """Look at the machine.
 
-    @property
-    def carriages(self) -> FloatArray:
-        """Where the carriages are [mm], shape (3,)."""
-        return read_only(np.array(self._look()["carriages"]))
-
-    @property
-    def homed(self) -> bool:
-        """Whether the drives know where they are."""
-        return bool(self._look()["homed"])
-
-    @property
-    def position(self) -> FloatArray:
-        """Platform centre O' in the base frame [mm], shape (3,)."""
-        return read_only(np.array(self._look()["position"]))
+        Raises:
+            BusError: Its owner has ended, or cannot see it.
+        """
+        return Look.from_dict(_ask(self._path, {"do": "look"}))
 
     @property
     def current_run(self) -> JoinedRun | None:
         """The run in progress."""
-        run = self._look()["run"]
-        if run is None:
-            return None
-        return JoinedRun(RunStatus(**{**run, "state": RunState[run["state"]]}), self._path)
+        status = self.look().run
+        return JoinedRun(status, self._path) if status is not None else None
+
+    @property
+    def trace(self) -> JoinedTrace:
+        """What the machine did in the last ten seconds, and what has happened to it."""
+        return JoinedTrace(self._path)
 
     def stop(self) -> None:
         """Come to rest on the path and end the run."""
         _ask(self._path, {"do": "stop"})
-
-    def _look(self) -> dict[str, Any]:
-        return _ask(self._path, {"do": "look"})
 
 
 def _ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:

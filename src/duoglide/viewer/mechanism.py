@@ -30,6 +30,8 @@ LINK_COLOURS: dict[str, Colour] = {
 }
 GHOST: Colour = (120, 140, 170)
 _RADIUS = 6.0  # [mm]
+_CARRIAGE = (44.0, 52.0, 20.0)  # [mm]
+_THINNEST = 8.0  # [mm] along the rails that a carriage is drawn, however near it may come
 _PARALLELOGRAM = 14.0  # half the distance between the two long sides [mm]
 
 
@@ -83,11 +85,15 @@ class Mechanism:
     Args:
         scene: The viser scene, ``server.scene``.
         geometry: Dimensions of the robot.
+        carriage_width: How near carriages 1 and 2 may come: then their pictures touch [mm].
     """
 
-    def __init__(self, scene: Any, geometry: Geometry) -> None:
+    def __init__(
+        self, scene: Any, geometry: Geometry, carriage_width: float = _CARRIAGE[1]
+    ) -> None:
         self._scene = scene
         self._geometry = geometry
+        self._carriage = (_CARRIAGE[0], max(carriage_width, _THINNEST), _CARRIAGE[2])
         self._bars = bars()
         self._handles: dict[str, Any] = {}
         self._draw_rails()
@@ -113,10 +119,13 @@ class Mechanism:
 
     def _draw_carriages(self) -> None:
         for number, colour in enumerate(CARRIAGES, start=1):
+            name = f"/robot/carriage {number}"
             self._handles[f"carriage {number}"] = self._scene.add_box(
-                f"/robot/carriage {number}",
-                dimensions=_metres((44.0, 52.0, 20.0)),
-                color=colour,
+                name, dimensions=_metres(self._carriage), color=colour
+            )
+            place = _metres((self._carriage[0] / 2.0 + 12.0, 0.0, 12.0))
+            self._scene.add_label(
+                f"{name}/number", text=str(number), position=place, anchor="center-center"
             )
 
     def show(self, position: FloatArray, mode: WorkingMode = WORKING) -> None:

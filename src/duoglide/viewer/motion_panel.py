@@ -15,10 +15,11 @@ from duoglide.errors import DuoglideError
 from duoglide.planning.plan import plan
 from duoglide.planning.programs.pick_and_place import pick_and_place
 from duoglide.storage.paths import inside
-from duoglide.viewer.mechanism import CARRIAGES, METRES
+from duoglide.viewer.mechanism import METRES
 from duoglide.viewer.planner import Planner
 from duoglide.viewer.pose_panel import PosePanel
 from duoglide.viewer.recording import Recording, load_recording, recording_of
+from duoglide.viewer.strip import Strip
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -59,7 +60,7 @@ class MotionPanel:
         self._machine = machine
         self.pose = pose
         self._recording: Recording | None = None
-        self._plots: list[Any] = []
+        self._plots: list[Strip] = []
         self._path: Any = None
         self._closed = threading.Event()
         self._one = threading.Lock()
@@ -74,6 +75,7 @@ class MotionPanel:
             self._file = self._gui.add_text("File", "run.mcap", hint=f"Below {folder}")
             self._gui.add_button("Open").on_click(lambda _: self._open_named())
         self._words = self._gui.add_markdown("Nothing is loaded.")
+        self._key = self._gui.add_html(_colour_key(machine), visible=False)
         self._time = self._gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, disabled=True)
         self._play = self._gui.add_checkbox("Play", False, disabled=True)
         self._graphs = self._gui.add_folder("Over time")
@@ -123,6 +125,7 @@ class MotionPanel:
         self._time.value = 0.0
         self._time.disabled = self._play.disabled = False
         self._words.content = recording.words
+        self._key.visible = True
         self._draw_path(recording)
         self._draw_plots(recording)
         self.pose.follow(recording.positions[0])
@@ -149,36 +152,23 @@ class MotionPanel:
     def _draw_plots(self, recording: Recording) -> None:
         for plot in self._plots:
             plot.remove()
-        bound = float(self._machine.limits.velocity.max())
-        limits = np.full((len(recording.times), 2), (bound, -bound))
-        velocities = 1e-3 * np.concatenate([recording.velocities, limits], axis=1)
+        times, machine = recording.times, self._machine
+        bound = float(machine.limits.velocity.max()) * 1e-3
+        clearances, margins = recording.clearances[:, None], recording.margins[:, None]
         with self._graphs:
             self._plots = [
-                self._plot("Carriages [mm]", recording.times, recording.carriages),
-                self._plot("Velocity and limits [m/s]", recording.times, velocities),
-                self._plot("Clearance [mm]", recording.times, recording.clearances[:, None]),
-                self._plot("Carriage margin [mm]", recording.times, recording.margins[:, None]),
+                self._plot("Carriages [mm]", times, recording.carriages),
+                self._plot("Velocity [m/s]", times, recording.velocities * 1e-3, (bound, -bound)),
+                self._plot("Clearance [mm]", times, clearances, (machine.clearance,)),
+                self._plot("Carriage margin [mm]", times, margins, (machine.carriage_margin,)),
             ]
 
-    def _plot(self, title: str, times: FloatArray, values: FloatArray) -> Any:
-        """Draw columns over time: the carriages, then limits."""
-        series: list[dict[str, Any]] = [{"label": "s"}]
-        for column in range(values.shape[1]):
-            style: dict[str, Any] = {"label": "limit", "stroke": "#999999", "dash": [6, 4]}
-            if column < len(CARRIAGES):
-                stroke = "#{:02x}{:02x}{:02x}".format(*CARRIAGES[column])
-                style = {"label": str(column + 1), "stroke": stroke, "width": 2}
-            series.append(style)
-        return self._gui.add_uplot(
-            data=(times, *values.T),
-            series=tuple(series),
-            title=title,
-            scales={"x": {"time": False}},
-            axes=({}, {"size": 52}),
-            legend={"show": False},
-            padding=(12, 8, 0, 0),
-            height=190,
-        )
+    def _plot(
+        self, title: str, times: FloatArray, values: FloatArray, bounds: tuple[float, ...] = ()
+    ) -> Strip:
+        many = values.shape[1] > 1
+        data = times, values
+        return Strip(self._gui, title, carriages=many, bounds=bounds, data=data, sync="plan")
 
     def _scrubbed(self, event: Any) -> None:
         if event.client is not None:
@@ -203,3 +193,16 @@ class MotionPanel:
                 self._show_time(now)
                 if now >= end:
                     self._play.value = False
+
+
+def _colour_key(machine: Machine) -> str:
+    """Return the scale of the path's colours in HTML: the worse of clearance and margin counts."""
+    near, far = (f"rgb({', '.join(map(str, colour))})" for colour in (_NEAR, _FAR))
+    bounds = machine.clearance, machine.carriage_margin
+    names, eases = ("clearance", "carriage margin"), (_EASE, _LOOSE)
+    at_bound = "<br>".join(f"{name} {b:g} mm" for name, b in zip(names, bounds, strict=True))
+    at_ease = "<br>".join(f"{b + e:g} mm and more" for b, e in zip(bounds, eases, strict=True))
+    return (
+        f'<div id="duoglide-key"><div style="background: linear-gradient(90deg, {near}, {far})">'
+        f"</div><p>{at_bound}</p><p>{at_ease}</p></div>"
+    )

@@ -36,6 +36,11 @@ class Owner:
         """Number of the page that gives the orders; None: nobody is there."""
         return self._pages[0] if self._pages else None
 
+    @property
+    def is_alone(self) -> bool:
+        """Whether there is nobody who watches."""
+        return len(self._pages) < 2
+
     def allow_all(self, *handles: Any) -> None:
         """Let watchers too use some elements of the page."""
         self._for_all |= {handle._impl.uuid for handle in handles}

@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 from duoglide.errors import BusError, ConfigError
 from duoglide.viewer.address import require_address, require_port
-from duoglide.viewer.door import Door, Gate
+from duoglide.viewer.door import Door, Gate, News
+from duoglide.viewer.live_panel import LivePanel
 from duoglide.viewer.machine_panel import MachinePanel
-from duoglide.viewer.mechanism import METRES, Mechanism
+from duoglide.viewer.mechanism import Mechanism
 from duoglide.viewer.motion_panel import MotionPanel
 from duoglide.viewer.owner import Owner
 from duoglide.viewer.pose_panel import PosePanel
+from duoglide.viewer.stage import set_stage
 from duoglide.viewer.surfaces import Surfaces
 
 if TYPE_CHECKING:
@@ -63,7 +65,8 @@ class Page:
         below = folder or Path.cwd()
         require_address(host, port)
         self._host = host
-        self._door = Door(Gate(host), self.stop)
+        news = News()
+        self._door = Door(Gate(host), self.stop, news)
         try:
             with _unannounced(), self._door.before_viser():
                 self._server = viser.ViserServer(
@@ -78,18 +81,29 @@ class Page:
             raise
         owner = Owner(self._refuse)
         owner.guard(self._server)
-        self._stage(machine)
+        set_stage(self._server, machine.geometry)
         gui = self._server.gui
         gui.configure_theme(show_share_button=False)
         tabs = gui.add_tab_group()
-        mechanism = Mechanism(self._server.scene, machine.geometry)
+        mechanism = Mechanism(self._server.scene, machine.geometry, machine.carriage_width)
         with tabs.add_tab("Pose"):
             self._pose = PosePanel(self._server, machine, mechanism)
             self._surfaces = Surfaces(self._server, machine)
         with tabs.add_tab("Motion"):
             self._motion = MotionPanel(self._server, machine, self._pose, below)
-        with tabs.add_tab("Machine"):
-            self._machine = MachinePanel(self._server, machine, drives, self._motion, owner)
+        machine_tab = tabs.add_tab("Machine")
+        with tabs.add_tab("Live"):
+            live = LivePanel(self._server, machine)
+        with machine_tab:
+            self._machine = MachinePanel(
+                self._server,
+                machine,
+                drives,
+                motion=self._motion,
+                live=live,
+                owner=owner,
+                news=news,
+            )
         if file is not None:
             self._motion.open(file)
 
@@ -122,38 +136,6 @@ class Page:
         client = self._server.get_clients().get(page)
         if client is not None:
             client.add_notification("Not done", reason, auto_close_seconds=6.0)
-
-    def _stage(self, machine: Machine) -> None:
-        scene, half = self._server.scene, machine.geometry.rail_half_length
-        scene.set_up_direction("+z")
-        _light(scene)
-        scene.add_grid(
-            "/floor",
-            width=3.0 * half * METRES,
-            height=3.0 * half * METRES,
-            cell_size=0.05,
-            section_size=0.25,
-            position=(0.0, 0.0, -0.025),
-        )
-        camera = self._server.initial_camera
-        camera.position = (1.7 * half * METRES, -1.5 * half * METRES, 1.5 * half * METRES)
-        camera.look_at = (0.0, 0.0, 0.35 * half * METRES)
-
-
-def _light(scene: Any) -> None:
-    """Light the scene by lamps alone.
-
-    An environment map and shadows cost a computer without a graphics processor half a minute when
-    the page opens, and most of its frames afterwards.
-    """
-    scene.configure_environment_map(hdri=None)
-    scene.configure_default_lights(enabled=False)
-    scene.add_light_hemisphere("/light/sky", intensity=2.2, ground_color=(150, 150, 155))
-    for name, place, intensity in (
-        ("key", (1.0, -1.5, 3.0), 1.6),
-        ("fill", (-2.0, 1.0, 1.0), 0.7),
-    ):
-        scene.add_light_directional(f"/light/{name}", intensity=intensity, position=place)
 
 
 def _unannounced() -> redirect_stdout[io.StringIO]:

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
 from duoglide.errors import InputError
@@ -57,6 +57,15 @@ class Planner:
 
 
 def _begin() -> None:
-    """Leave Ctrl-C to the page, and processors to the stream."""
+    """Leave Ctrl-C to the page, and processors to the stream; do not outlive the page."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_POLITE)
+    threading.Thread(target=_end_with_the_page, name="page-is-there", daemon=True).start()
+
+
+def _end_with_the_page() -> None:
+    """End when the process of the page does, even if it was killed."""
+    page = parent_process()
+    if page is not None:
+        page.join()
+        os._exit(1)

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from duoglide.errors import BusError, DuoglideError
+from duoglide.viewer.look import Look
 
 if TYPE_CHECKING:
     from duoglide.control.host.robot import Robot
@@ -91,7 +92,9 @@ def _answers(robot: Robot) -> Callable[[dict[str, Any]], object]:
         if what == "meet":
             return {"machine": described, "bus": robot.bus}
         if what == "look":
-            return _look(robot, run)
+            return Look.at(robot).to_dict()
+        if what == "trace":
+            return _trace(robot, request)
         if what == "stop":
             robot.stop()
         elif run is not None:
@@ -112,28 +115,9 @@ def _order(run: RunHandle, what: str, request: dict[str, Any]) -> None:
         raise ValueError(f"nobody knows how to {what}")
 
 
-def _look(robot: Robot, run: RunHandle | None) -> dict[str, Any]:
-    homed = robot.homed
-    return {
-        "states": [state.name for state in robot.states],
-        "carriages": robot.carriages.tolist(),
-        "homed": homed,
-        "position": robot.position.tolist() if homed else None,
-        "run": _status(run) if run is not None else None,
-    }
-
-
-def _status(run: RunHandle) -> dict[str, Any]:
-    status = run.status
-    return {
-        "state": status.state.name,
-        "path_time": status.path_time,
-        "rate": status.rate,
-        "carriages": status.carriages,
-        "following_error": status.following_error,
-        "lateness": status.lateness,
-        "override": status.override,
-    }
+def _trace(robot: Robot, request: dict[str, Any]) -> dict[str, Any]:
+    trace = robot.trace
+    return {"rows": trace.rows(request["row"]), "events": trace.events(request["event"])}
 
 
 class _Server(socketserver.ThreadingUnixStreamServer):

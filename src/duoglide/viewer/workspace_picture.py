@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from duoglide.arrays import FloatArray
 from duoglide.drawing.picture import Picture, drawn
-from duoglide.drawing.section import OUTLINE, draw_section
+from duoglide.drawing.section import OUTLINE, ROOM, draw_section
 from duoglide.kinematics.workspace import WorkspaceReport
 from duoglide.machine import Machine
 from duoglide.paper.figures.surfaces import COLOURS, within_reach, workspace_curves
@@ -74,7 +74,7 @@ def _draw_along(axes: Axes, report: WorkspaceReport) -> None:
     y = np.linspace(report.low[1], report.high[1], 241)
     share = np.array([((low <= at) & (at <= high)).sum(axis=0) for at in y.tolist()])
     width = np.where(share > 0, share * grid.step, np.nan)
-    shown = axes.pcolormesh(y, grid.z, width.T, cmap="Blues", shading="nearest", vmin=0.0)
+    shown = axes.pcolormesh(y, grid.z, width.T, cmap=ROOM, shading="nearest", vmin=0.0)
     shown.set_rasterized(True)
     axes.figure.colorbar(shown, ax=axes, label="width in x [mm]", shrink=0.85, pad=0.02)
     axes.set(title="From the side", xlabel="y [mm]", ylabel="z [mm]")

@@ -182,7 +182,7 @@ def _draw(trajectory: Trajectory, files: _Files) -> None:
     from duoglide.storage import read_log
     from duoglide.viewer.run_picture import plot_run
 
-    save(plot_run(read_run(read_log(files.run)), trajectory), files.picture)
+    save(plot_run(read_run(read_log(files.run)), {0: trajectory}), files.picture)
 
 
 def _plan_facts(audit: Audit) -> list[tuple[str, str]]:

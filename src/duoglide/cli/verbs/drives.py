@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from duoglide.cli.completion import DICTIONARIES, TABLES, files
-from duoglide.cli.console import complain, say, say_json, working
+from duoglide.cli.console import complain, say, say_as_it_is, say_json, working
 from duoglide.cli.options import (
     Bus,
     HomeHere,
@@ -20,6 +20,7 @@ from duoglide.cli.options import (
     load_machine,
     override_factor,
 )
+from duoglide.cli.verbs import size
 
 if TYPE_CHECKING:
     from duoglide.drives.onboarding.probe import Probed
@@ -97,6 +98,7 @@ def add_to(app: typer.Typer) -> None:
     group.command("probe", help=_PROBE_HELP, epilog=_PROBE_EXAMPLE)(probe)
     group.command("commission", help=_COMMISSION_HELP, epilog=_COMMISSION_EXAMPLE)(commission)
     group.command("units", help=_UNITS_HELP, epilog=_UNITS_EXAMPLE)(units)
+    size.add_to(group)
     app.add_typer(group, name="drives")
 
 
@@ -169,7 +171,7 @@ def probe(
         numbers = {"toml": text, "drives": [asdict(one) for one in found]}
         say_json("drives", numbers, ok=not unusable)
     else:
-        print(text, end="", flush=True)  # as it is: a terminal must not wrap what is to be pasted
+        say_as_it_is(text)
         for why in unusable:
             complain(why, 1)
     if unusable:
@@ -202,7 +204,7 @@ def commission(
     if as_json:
         say_json("drives", {"toml": text, "drives": [drive.to_dict() for drive in report.drives]})
     else:
-        print(text, end="", flush=True)  # as it is, to be pasted
+        say_as_it_is(text)
 
 
 def units(

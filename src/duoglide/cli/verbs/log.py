@@ -11,7 +11,7 @@ import typer
 from duoglide.cli.completion import RECORDINGS, files
 from duoglide.cli.console import say, say_facts, say_json, triple, working
 from duoglide.cli.options import Json
-from duoglide.cli.outputs import Force, require_picture, require_place
+from duoglide.cli.outputs import Force, require_new, require_picture, require_place
 
 if TYPE_CHECKING:
     from duoglide.playback.compare import Comparison, RunSide
@@ -29,6 +29,8 @@ Examples:
 duoglide log run.mcap
 
 duoglide log run.mcap --csv run.csv --candump run.log
+
+duoglide log run.mcap --foxglove full.mcap --layout layout.json
 
 duoglide log run.mcap --picture run.png
 
@@ -63,7 +65,23 @@ def log(
     ] = None,
     foxglove: Annotated[
         Path | None,
-        typer.Option("--foxglove", metavar="FILE", help="Write MCAP with all derived topics."),
+        typer.Option(
+            "--foxglove",
+            metavar="FILE",
+            help="Write MCAP with derived topics and the 3D scene.",
+        ),
+    ] = None,
+    layout: Annotated[
+        Path | None,
+        typer.Option("--layout", metavar="FILE", help="Write the layout that shows it (.json)."),
+    ] = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option("--rerun", metavar="FILE", help="Write for Rerun (.rrd; extra: rerun)."),
+    ] = None,
+    ros2: Annotated[
+        Path | None,
+        typer.Option("--ros2", metavar="FOLDER", help="Write a ROS 2 bag (extra: ros2)."),
     ] = None,
     picture: Annotated[
         Path | None,
@@ -77,13 +95,22 @@ def log(
     as_json: Json = False,
 ) -> None:
     """Summarise a log: events, following error, lateness; or export or compare it."""
-    require_place(csv, parquet, candump, foxglove, picture, reads=(file, other), force=force)
+    goals = {
+        "csv": csv,
+        "parquet": parquet,
+        "candump": candump,
+        "foxglove": foxglove,
+        "layout": layout,
+        "rerun": rerun,
+        "ros2": ros2,
+    }
+    require_place(*goals.values(), picture, reads=(file, other), force=force)
     require_picture(picture)
+    require_new(ros2)
     from duoglide.storage import read_log
 
     with working("opening"):
         opened = read_log(file)
-    goals = {"csv": csv, "parquet": parquet, "candump": candump, "foxglove": foxglove}
     written = {k: str(goal) for k, goal in {**goals, "picture": picture}.items() if goal}
     exports = _exports(goals)
     for name, goal, write in exports:
@@ -105,13 +132,15 @@ def log(
 def _draw(opened: Log, picture: Path) -> None:
     """Draw a plan, or a run with what it was meant to be."""
     from duoglide.drawing.picture import save
-    from duoglide.playback.rebuild import plan_of
+    from duoglide.playback.rebuild import plan_of, plans_of
     from duoglide.playback.run_data import read_run
     from duoglide.storage import LogKind
     from duoglide.viewer.run_picture import plot_run
 
-    plan = plan_of(opened)
-    save(plot_run(read_run(opened), plan) if opened.kind is LogKind.RUN else plan.plot(), picture)
+    if opened.kind is LogKind.RUN:
+        save(plot_run(read_run(opened), plans_of(opened)), picture)
+    else:
+        save(plan_of(opened).plot(), picture)
 
 
 Writer = tuple[str, Path, Callable[["Log", Path], int]]
@@ -122,7 +151,10 @@ def _exports(goals: dict[str, Path | None]) -> list[Writer]:
     if not any(goals.values()):
         return []
     from duoglide.playback.candump import write_candump
-    from duoglide.playback.foxglove import write_foxglove
+    from duoglide.playback.shown.foxglove import write_foxglove
+    from duoglide.playback.shown.foxglove_layout import write_layout
+    from duoglide.playback.shown.rerun_file import write_rerun
+    from duoglide.playback.shown.ros2 import write_ros2
     from duoglide.playback.tables import write_csv, write_parquet
 
     writers: dict[str, tuple[str, Callable[[Log, Path], int]]] = {
@@ -130,6 +162,9 @@ def _exports(goals: dict[str, Path | None]) -> list[Writer]:
         "parquet": ("rows", write_parquet),
         "candump": ("frames", write_candump),
         "foxglove": ("messages", write_foxglove),
+        "layout": ("panels", lambda _, goal: write_layout(goal)),
+        "rerun": ("rows", write_rerun),
+        "ros2": ("messages", write_ros2),
     }
     return [_with_goal(writers[name], goal) for name, goal in goals.items() if goal is not None]
 

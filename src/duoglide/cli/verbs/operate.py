@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from duoglide.cli.console import say, say_facts, say_json, triple, working
+from duoglide.cli.console import complain, say, say_facts, say_json, triple, working
 from duoglide.cli.motion import run_numbers
 from duoglide.cli.options import (
     Bus,
@@ -16,6 +17,7 @@ from duoglide.cli.options import (
     MachineFile,
     Override,
     load_machine,
+    number,
     override_factor,
     point,
 )
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from duoglide.control.host.robot import Robot
     from duoglide.control.host.run.report import RunReport
 
+_RENEW = 0.02  # [s] between two orders: after 50 ms without one the platform is let go
 _RESET_HELP = """\
 Acknowledge the faults of the drives, on purpose; the power stays off.
 
@@ -52,7 +55,8 @@ duoglide home --bus socketcan:can0 --machine cell.toml --home-here --again
 _JOG_HELP = """\
 Move the platform a little, by a planned and checked motion, and switch the power off again.
 
-Ctrl-C stops along the path.
+With --velocity it moves at that velocity for --seconds, or as far as it may go that way: every step
+is looked at, with its way to rest, before it is taken. Ctrl-C stops along the path.
 """
 _JOG_EXAMPLE = """\
 Examples:
@@ -60,6 +64,8 @@ Examples:
 duoglide jog 0,1,0 --bus socketcan:can0 --machine cell.toml
 
 duoglide jog -1,0,0 --bus socketcan:can0 --machine cell.toml --override 5
+
+duoglide jog --velocity 0,10,0 --seconds 2 --bus socketcan:can0 --machine cell.toml
 """
 _PARK_HELP = """\
 Go to the home pose, where there is most room and the power may go off, and switch it off.
@@ -123,15 +129,47 @@ def home(
 
 
 def jog(
-    by: Annotated[str, typer.Argument(metavar="X,Y,Z", help="How far [mm].")],
+    by: Annotated[str | None, typer.Argument(metavar="X,Y,Z", help="How far [mm].")] = None,
+    *,
+    velocity: Annotated[
+        str | None,
+        typer.Option("--velocity", metavar="X,Y,Z", help=r"Instead: how fast \[mm/s]."),
+    ] = None,
+    seconds: Annotated[
+        str | None,
+        typer.Option("--seconds", metavar="S", help=r"With --velocity: for how long \[s]."),
+    ] = None,
     bus: Bus = "virtual",
     machine: MachineFile = None,
     override: Override = "10",
     as_json: Json = False,
 ) -> None:
     """Move the platform a little, by a planned and checked motion."""
-    displacement, factor = point(by, "X,Y,Z"), override_factor(override)
-    _move("jog", bus, machine, lambda robot: robot.jog(displacement, factor), as_json)
+    if (by is None) == (velocity is None) or (velocity is None) != (seconds is None):
+        raise typer.BadParameter("give X,Y,Z, or --velocity X,Y,Z with --seconds S")
+    factor = override_factor(override)
+    if by is not None:
+        displacement = point(by, "X,Y,Z")
+        _move("jog", bus, machine, lambda robot: robot.jog(displacement, factor), as_json)
+        return
+    speed = point(velocity or "", "--velocity")
+    period = number(seconds or "", "--seconds", "s")
+    _move("jog", bus, machine, lambda robot: _keep_on(robot, speed, period), as_json)
+
+
+def _keep_on(robot: Robot, velocity: tuple[float, float, float], seconds: float) -> RunReport:
+    """Move at a velocity for so long, or until something is in the way."""
+    from duoglide.control.host.run.handle import stop_on_interrupt
+
+    handle = robot.start_jog(velocity)
+    end = time.monotonic() + seconds
+    with stop_on_interrupt(handle.run):
+        while time.monotonic() < end and not handle.run.done and not handle.blocked:
+            handle.aim(velocity)
+            time.sleep(_RENEW)
+    if handle.blocked:
+        complain(f"stopped early: {handle.blocked} is in the way", 0)
+    return handle.stop()
 
 
 def park(

@@ -105,6 +105,7 @@ def plan(
 
 def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
     """Return what a script wants to know of a plan."""
+    demand = trajectory.demand()
     return {
         "duration": trajectory.duration,
         "picks_per_minute": audit.picks_per_minute,
@@ -112,11 +113,16 @@ def plan_numbers(trajectory: Trajectory, audit: Audit) -> dict[str, Any]:
             "velocity": audit.velocity,
             "acceleration": audit.acceleration,
             "jerk": audit.jerk,
+            "force": audit.force,
         },
         "least_clearance": audit.least_clearance,
         "carriage_margin": audit.carriage_margin,
         "braking_clearance": audit.braking_clearance,
+        "braking_carriage_margin": audit.braking_carriage_margin,
         "stays_on_path": audit.stays_on_path,
+        "force": {"peak": demand.peak_force, "rms": demand.rms_force},
+        "peak_power": demand.total_peak_power,
+        "energy": float(demand.energy.sum()),
         "limited_by": audit.explain(),
         "method": trajectory.report.method.value,
         "fallback": audit.fallback,
@@ -149,12 +155,29 @@ def _jerk_in_words(trajectory: Trajectory, audit: Audit) -> str:
     return "no limit" if free else percent(audit.jerk)
 
 
+def _demand_in_words(trajectory: Trajectory) -> list[tuple[str, str]]:
+    """Return forces and energy, and what of the masses is assumed."""
+    demand = trajectory.demand()
+    peak, rms = (
+        ", ".join(f"{force:.1f}" for force in forces)
+        for forces in (demand.peak_force, demand.rms_force)
+    )
+    energy, returned = float(demand.energy.sum()), float(demand.returned.sum())
+    spent = f"{energy:.2f} J, of which {returned:.2f} J come back; at most"
+    assumed = ", masses of bars assumed" if trajectory.machine.masses.assumed else ""
+    return [
+        ("peak and rms force", f"{peak} N; {rms} N{assumed}"),
+        ("energy", f"{spent} {demand.total_peak_power:.0f} W"),
+    ]
+
+
 def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
     """Return what a person wants to know of a plan."""
     rows = [
         ("worst use, velocity", f"{percent(audit.velocity)} of the limit, per carriage"),
         ("worst use, acceleration", percent(audit.acceleration)),
         ("worst use, jerk", _jerk_in_words(trajectory, audit)),
+        *([("worst use, force", percent(audit.force))] if audit.force.any() else []),
         ("timed by", trajectory.report.method.value),
         ("held back by", audit.explain()),
         ("least clearance", f"{audit.least_clearance:.2f} mm to a singular surface"),
@@ -167,10 +190,12 @@ def plan_facts(trajectory: Trajectory, audit: Audit) -> list[tuple[str, str]]:
         else:
             rows.insert(0, ("up, across, down", f"{audit.picks} times; {rate}, with the ways back"))
     if not isnan(audit.braking_clearance):
-        least = f"{audit.braking_clearance:.2f} mm at least"
+        margin = f"carriage margin {audit.braking_carriage_margin:.2f} mm"
+        least = f"clearance {audit.braking_clearance:.2f} mm, {margin} at least"
         rows.append(("while braking", f"{least}, every drive by itself"))
     promised = f"{percent(audit.stays_on_path)} of the time, should that drive brake by itself"
     rows.append(("stays on its path", promised))
+    rows += _demand_in_words(trajectory)
     if audit.fallback:
         rows.append(("slower, certified", audit.fallback))
     return rows

@@ -9,7 +9,7 @@ import typer
 
 from duoglide.cli.completion import FRAMES, RECORDINGS, files
 from duoglide.cli.console import say, say_json, working
-from duoglide.cli.motion import finish, run_with_progress
+from duoglide.cli.motion import finish, run_with_progress, see_to_the_end
 from duoglide.cli.options import (
     Approach,
     Bus,
@@ -104,15 +104,21 @@ def replay(
         if run.suffix.lower() in ("", ".mcap") or not run.is_file():
             raise
         raise LogError(f"{error}; raw frames are read from {', '.join(SUFFIXES)}") from error
+    ready = None if again.parts else (again.trajectory, again.approach)
     with (
-        under_power(
-            again.machine, bus, home_here=home_here, run=(again.trajectory, again.approach)
-        ) as robot,
+        under_power(again.machine, bus, home_here=home_here, run=ready) as robot,
         page_beside(robot, run, view),
     ):
-        report = run_with_progress(
-            robot, again.trajectory, log=log, approach=again.approach, override=1.0
-        )
+        if again.parts:
+            with working("streaming"):
+                handle = robot.start_parts(
+                    again.parts, log=log, approach=again.approach, override=again.override
+                )
+                report = see_to_the_end(handle, log)
+        else:
+            report = run_with_progress(
+                robot, again.trajectory, log=log, approach=again.approach, override=1.0
+            )
     finish("replay", report, log, as_json)
 
 

@@ -30,6 +30,8 @@ class Happening(IntEnum):
     LATE = 14  # cycles were skipped [value: how many]
     FOREIGN = 16  # another host is on the bus, while this one has no power yet
     LOST = 15  # setpoints did not act [axis, code: how many; value: how far off at worst, mm]
+    PART = 17  # the next setpoints have taken over [code 1: in motion; value: their number]
+    AWAITED = 18  # the next setpoints came late [value: for how long the motion rested, s]
 
 
 class RunState(IntEnum):
@@ -53,6 +55,7 @@ class Refusal(IntEnum):
     LATCHED = 3
     BUSY = 4
     ELSEWHERE = 5
+    MOVING = 6
 
     @property
     def words(self) -> str:
@@ -66,6 +69,7 @@ _REFUSALS = {
     Refusal.LATCHED: "a stop is latched",
     Refusal.BUSY: "a run is in progress",
     Refusal.ELSEWHERE: "the setpoint held is not where the run begins",
+    Refusal.MOVING: "its setpoints begin in motion",
 }
 
 

@@ -25,6 +25,7 @@ class Command(IntEnum):
     OUTPUTS = 9  # argument: axis index; value: 0x60FE:1 as a whole number
     CLOSE = 10  # whatever moves stops along its path first, and the power goes off
     STANDSTILL = 11  # value: for how long simulated drives stand still with this computer [s]
+    END = 12  # argument: number of the prepared setpoints after which nothing comes
 
 
 class Power(IntEnum):

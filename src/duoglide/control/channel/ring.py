@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 from duoglide.control.channel.scale import IntTriple
 
-_HEAD = 64  # bytes, eight words; the first five are the counters
-_WRITTEN, _READ, _DROPPED, _ALIVE, _ORDERS = range(5)
+_HEAD = 64  # bytes, eight words; the first six are used
+_WRITTEN, _READ, _DROPPED, _ALIVE, _ORDERS, _FATAL = range(6)
 
 CAPACITY = 16384  # records: half a minute at 500 Hz
 
@@ -153,6 +153,15 @@ class Ring:
     def orders(self) -> int:
         """How many orders have been announced."""
         return self._words[_ORDERS]
+
+    @property
+    def fatal_signals(self) -> int:
+        """Bit n: signal n would end the reader's process, if it heard it."""
+        return self._words[_FATAL]
+
+    @fatal_signals.setter
+    def fatal_signals(self, bits: int) -> None:
+        self._words[_FATAL] = bits
 
     @property
     def dropped(self) -> int:

@@ -21,6 +21,7 @@ from duoglide.storage.records import Phase
 if TYPE_CHECKING:
     from duoglide.machine import Machine
     from duoglide.motion.led_stops import LedStops
+    from duoglide.motion.stop_bounds import StopBounds
     from duoglide.planning.trajectory import Trajectory
 
 _STEP_RESERVE = 1.001  # audits allow a thousandth
@@ -136,11 +137,21 @@ class PreparedSetpoints:
     Attributes:
         number: Which of this streamer, from 1.
         phase: Approach or program.
-        trajectory: For path times off the grid, and how the path rate may change.
+        trajectory: For path times off the grid; it goes on to rest, whatever comes after it.
         stretches: In order.
         outputs: In order.
         fence: What no setpoint may leave.
         led: Where a drive may lead a stop; None for nowhere.
+        after: Number of the setpoints that these go on from; 0: a run begins with them.
+        seam: Path time at which the next ones may take over in motion [s]; None: where these have
+            come to rest.
+        lead_in: Path time that the ones before have made at the seam where these take over in
+            motion [s]; 0: these begin at rest.
+        pace: How the path rate may change, from ``lead_in`` before these begin up to their rest, so
+            that a change may begin before the seam and end after it; None: as the trajectory says,
+            which begins at rest.
+        passing: Whether others are made where these come too late for their seam; else they are
+            gone on with from the rest that the ones before have come to.
     """
 
     number: int
@@ -150,6 +161,16 @@ class PreparedSetpoints:
     outputs: tuple[TimedOutput, ...]
     fence: Fence
     led: LedStops | None = None
+    after: int = 0
+    seam: float | None = None
+    lead_in: float = 0.0
+    pace: StopBounds | None = None
+    passing: bool = False
+
+    @property
+    def bounds(self) -> StopBounds:
+        """How the path rate may change, from ``lead_in`` before the start on."""
+        return self.pace or self.trajectory.stops
 
     @property
     def cycle(self) -> float:

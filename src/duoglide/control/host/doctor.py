@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import pwd
 import resource
 import shutil
 import socket
@@ -149,7 +150,11 @@ def _judge_memory() -> Finding:
 
 
 def _user() -> str:
-    return os.environ.get("USER") or os.environ.get("LOGNAME") or str(os.getuid())
+    """Return the account as the file of limits wants it; one without a name by its number."""
+    try:
+        return pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        return f":{os.getuid()}"
 
 
 def _judge_governor(root: Path) -> Finding:

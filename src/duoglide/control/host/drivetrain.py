@@ -15,6 +15,7 @@ from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.scale import Scales
 from duoglide.control.host.connection import Connection, bring_up, travel_of
 from duoglide.control.host.reference import PositionReference, look_at
+from duoglide.control.host.trace import Trace
 from duoglide.drives.axis.axis import Axis, growing_pauses
 from duoglide.drives.axis.in_parallel import in_parallel
 from duoglide.drives.cia402 import METHODS_HERE, Mode, State, Status, decode
@@ -38,6 +39,9 @@ class Drivetrain:
     Args:
         machine: Whose drives.
         connection: To them.
+
+    Attributes:
+        trace: What they did in the last seconds.
     """
 
     def __init__(self, machine: Machine, connection: Connection) -> None:
@@ -47,6 +51,7 @@ class Drivetrain:
         self._reference = PositionReference(
             machine, connection.bus, kept=connection.simulated is None
         )
+        self.trace = Trace(machine.drives)
         self._reset_at = 0
         self._listen()
 
@@ -173,7 +178,7 @@ class Drivetrain:
 
     def _listen(self) -> None:
         self._reference.begin()
-        self._connection.monitor.witnesses = (self._reference,)
+        self._connection.monitor.witnesses = (self._reference, self.trace)
 
     def _bring_up(self, axes: tuple[Axis, ...], heard: bool = False) -> None:
         in_parallel(axes, Axis.wait_for_boot)

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -23,17 +23,33 @@ Handler: TypeAlias = "Callable[[int, FrameType | None], object]"
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _CLOSELY = 2.0  # [s] between two signals that mean one thing
 _GRACE = 0.8  # [s] that a process gets to begin what it was told by a signal
+_LAST = 1.7  # [s] that its main thread gets to hear it at all
+_HEARD_BEFORE = 1.0  # [s] by which a busy computer may tell here later what a handler did in time
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class EndingHandler:
-    """A handler that stands for the end of the process, not for what a process does of its own."""
+    """A handler that stands for the end of the process, not for what a process does of its own.
+
+    Attributes:
+        handle: What is done.
+        last_call: When any of them was called last [s]: there is one main thread, and one end.
+    """
 
     handle: Handler
+    last_call: ClassVar[float] = -float("inf")
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handle it."""
+        EndingHandler.last_call = time.monotonic()
         self.handle(number, frame)
+
+
+class Ending(NamedTuple):
+    """A signal that means the end, and what handles it."""
+
+    number: int
+    handler: Handler
 
 
 class EndingWatch:
@@ -56,14 +72,28 @@ class EndingWatch:
                 signal.set_wakeup_fd(former)
                 self._works = False
 
-    def take(self) -> list[Handler]:
-        """Return the handlers of signals that have come and mean the end, without waiting."""
+    def fileno(self) -> int:
+        """Return the end at which signals are heard: another process may look, but not take."""
+        return self._heard.fileno()
+
+    @property
+    def fatal(self) -> int:
+        """Bit n: signal n means the end of the process now, and not only of what it does."""
+        handled = (n for n in ENDINGS if isinstance(signal.getsignal(n), EndingHandler))
+        return sum(1 << number for number in handled) if self._works else 0
+
+    def take(self) -> list[Ending]:
+        """Return signals that have come and mean the end, without waiting."""
         try:
             numbers = self._heard.recv(64)
         except OSError:
             return []
-        handlers = (signal.getsignal(number) for number in numbers if number in ENDINGS)
-        return [handler for handler in handlers if _means_the_end(handler)]
+        handlers = ((number, signal.getsignal(number)) for number in numbers if number in ENDINGS)
+        return [
+            Ending(number, handler)
+            for number, handler in handlers
+            if isinstance(handler, EndingHandler) or handler is signal.default_int_handler
+        ]
 
     def close(self) -> None:
         """Hear no more."""
@@ -83,17 +113,23 @@ class Ultimatum:
     """How long a process that was told to end may take until its machine is stopped all the same.
 
     Python's own handler of Ctrl-C may mean less than the end, at a prompt: it is enough that the
-    process gives an order of any kind, or that nothing moves. Otherwise the power has to go off.
+    process gives an order of any kind, or that nothing moves. Otherwise the power has to go off,
+    and a process whose main thread does not even hear the signal has to end.
     """
 
     def __init__(self) -> None:
         self._since: float | None = None
+        self._unheard: tuple[int, float] | None = None  # signal, and when it came
         self._orders = 0
         self._firm = False
 
-    def begin(self, handler: Handler, now: float, orders: int, moving: bool) -> None:
+    def begin(
+        self, ending: Ending, now: float, orders: int, *, moving: bool, powered: bool
+    ) -> None:
         """Note a signal, and how many orders had been given; what is under way is not put off."""
-        firm = handler is not signal.default_int_handler
+        firm = ending.handler is not signal.default_int_handler
+        if firm and powered and self._unheard is None:
+            self._unheard = ending.number, now
         if not (firm or moving):
             return
         if self._since is None or firm > self._firm:
@@ -106,9 +142,20 @@ class Ultimatum:
         self._since = None
         return powered and (self._firm or orders == self._orders)
 
+    @property
+    def waits(self) -> bool:
+        """Whether the main thread may yet hear a signal."""
+        return self._unheard is not None
 
-def _means_the_end(handler: object) -> TypeGuard[Handler]:
-    return isinstance(handler, EndingHandler) or handler is signal.default_int_handler
+    def unheard(self, now: float) -> int:
+        """Return the signal that the main thread has had its time to hear, and has not; or 0."""
+        if self._unheard is None:
+            return 0
+        number, came = self._unheard
+        if EndingHandler.last_call > came - _HEARD_BEFORE:
+            self._unheard = None
+            return 0
+        return number if now - came > _LAST else 0
 
 
 def _is_main() -> bool:

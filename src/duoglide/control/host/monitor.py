@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -9,15 +10,17 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
-from duoglide.control.channel.events import RunState
+from duoglide.control.channel.events import Happening, RunState
 from duoglide.control.channel.orders import Command, Power
 from duoglide.control.channel.ring import CycleEntry, EventEntry
-from duoglide.control.host.interrupt import EndingWatch, Ultimatum
+from duoglide.control.host.interrupt import Ultimatum
 from duoglide.errors import BusError, DuoglideError
 
 if TYPE_CHECKING:
     from duoglide.control.host.process import StreamerProcess
 
+_COMMON = (Happening.PART, Happening.AWAITED, Happening.OUTPUT, Happening.INPUT)
+"""Events without an end, which nobody waits for: they are handed on, and not kept."""
 _PERIOD = 0.005  # [s] between two looks into the ring
 _SILENCE = 3.0  # [s] without a record after which a streamer that exists counts as hung
 _DEATH_WATCH = 0.1  # [s] between two looks at the process
@@ -55,7 +58,7 @@ class Monitor:
         self._failure: DuoglideError | None = None
         self._gone: DuoglideError | None = None
         self._closing = False
-        self._endings, self._ultimatum = EndingWatch(), Ultimatum()
+        self._ultimatum = Ultimatum()
         self._thread = threading.Thread(target=self._read, name="duoglide-monitor", daemon=True)
         self._thread.start()
 
@@ -125,7 +128,6 @@ class Monitor:
         """End the thread, after everything that is in the ring has been taken."""
         self._closing = True
         self._thread.join()
-        self._endings.close()
 
     def _wait(self, come: Callable[[], bool], timeout: float) -> bool:
         deadline = time.monotonic() + timeout
@@ -163,27 +165,27 @@ class Monitor:
             self._insist_on_the_end(now)
             if gone or now - heard > _SILENCE:
                 self._give_up("is gone" if gone else "does not answer")
-                if gone:
-                    return
+            if gone and not self._ultimatum.waits:
+                return
         self._take()
 
     def _insist_on_the_end(self, now: float) -> None:
-        """Stop the machine of a process that was told to end, and is stuck."""
-        orders = self._process.ring.orders
+        """Stop the machine of a process that was told to end, and is stuck; then end it."""
+        ring, endings = self._process.ring, self._process.endings
+        ring.fatal_signals = endings.fatal
+        orders = ring.orders
         entry = self._latest
         powered = entry is not None and entry.power not in (Power.SILENT, Power.OFF)
         moving = entry is not None and entry.state != RunState.NONE
-        for handler in self._endings.take():
-            self._ultimatum.begin(handler, now, orders, moving)
+        for ending in endings.take():
+            self._ultimatum.begin(ending, now, orders, moving=moving, powered=powered)
         if self._ultimatum.is_over(now, orders, powered):
             with suppress(BusError):  # the streamer may have gone, and the drives with it
                 self._process.order(Command.CLOSE)
-            print(
-                "duoglide: told to end, this process has not begun to; the machine is stopped along"
-                " its path and switched off",
-                file=sys.stderr,
-                flush=True,
-            )
+            _say("has not begun to; the machine is stopped along its path and switched off")
+        if number := self._ultimatum.unheard(now):
+            _say(f"does not hear it (signal {number}): it is ended")
+            os._exit(128 + number)
 
     def _give_up(self, what: str) -> None:
         with self._news:
@@ -211,7 +213,8 @@ class Monitor:
             for witness in self.witnesses:
                 witness.add_cycle(entry)
         else:
-            self._events.append(entry)
+            if entry.kind not in _COMMON:
+                self._events.append(entry)
             for witness in self.witnesses:
                 witness.add_event(entry)
         try:
@@ -226,6 +229,10 @@ class Monitor:
             name = type(listener).__name__
             self._failure = DuoglideError(f"{name} could not take a record: {_words(error)}")
             self._failure.__cause__, self._listeners = error, ()
+
+
+def _say(what: str) -> None:
+    print(f"duoglide: told to end, this process {what}", file=sys.stderr, flush=True)
 
 
 def _words(error: Exception) -> str:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from duoglide.control.channel.orders import ORDER, Command, pack_object, receive_object
 from duoglide.control.channel.ring import Ring
+from duoglide.control.host.interrupt import EndingWatch
 from duoglide.errors import BusError, DuoglideError
 
 if TYPE_CHECKING:
@@ -35,6 +36,11 @@ class StreamerProcess:
     Args:
         assignment: Which bus, which machine.
 
+    Attributes:
+        ring: Where its records are.
+        endings: Hears signals that mean the end; the streamer looks there too, where this process
+            cannot any more.
+
     Raises:
         BusError: It could not start, or could not open the bus.
     """
@@ -42,10 +48,11 @@ class StreamerProcess:
     def __init__(self, assignment: Assignment) -> None:
         descriptor = Ring.allocate()
         self.ring = Ring(descriptor)
-        self._ordering = threading.Lock()
+        self._ordering, self._loading = threading.Lock(), threading.Lock()
         self._orders, orders = socket.socketpair()
         self._bulk, bulk = socket.socketpair()
-        theirs = (descriptor, orders.fileno(), bulk.fileno())
+        self.endings = EndingWatch()
+        theirs = (descriptor, orders.fileno(), bulk.fileno(), self.endings.fileno())
         command = [sys.executable, "-P", "-m", "duoglide.control.streamer", *map(str, theirs)]
         try:
             # A session of its own: Ctrl-C and Ctrl-Z in the terminal are for the host alone.
@@ -110,11 +117,15 @@ class StreamerProcess:
         self._process.wait()
         self._orders.close()
         self._bulk.close()
+        self.endings.close()
         self.ring.close()
 
     def _hand_over(self, thing: object, patience: float) -> None:
         """Send one pickled object and wait until the streamer says that it has it."""
-        data = pack_object(thing)
+        with self._loading:
+            self._exchange(pack_object(thing), patience)
+
+    def _exchange(self, data: bytes, patience: float) -> None:
         patience += len(data) / _SLOWEST
         self._bulk.settimeout(patience)
         try:

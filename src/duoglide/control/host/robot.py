@@ -3,44 +3,63 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from duoglide.arrays import FloatArray, as_triples, read_only
+from duoglide.arrays import FloatArray, as_number, as_triples, read_only
 from duoglide.control.channel.setpoints import Fence, PreparedSetpoints
 from duoglide.control.host.background import load_planning
 from duoglide.control.host.connection import Connection
 from duoglide.control.host.drivetrain import Drivetrain
 from duoglide.control.host.interrupt import undisturbed
-from duoglide.control.host.run.fitness import LimitUse, measure_limit_use, require_fit
+from duoglide.control.host.run.by_hand import STEP, JogHandle, JogSource
+from duoglide.control.host.run.feed import PartFeed, PlannerProcess, Source
+from duoglide.control.host.run.fitness import (
+    LimitUse,
+    measure_limit_use,
+    require_chain,
+    require_fit,
+)
 from duoglide.control.host.run.handle import (
     STOP_PATIENCE,
     RunHandle,
     RunPlan,
     wait_to_the_end,
 )
-from duoglide.control.host.run.prepare import START_TOLERANCE, margin_of, plan_approach, prepare
+from duoglide.control.host.run.parts import ProgramOrder
+from duoglide.control.host.run.prepare import (
+    START_TOLERANCE,
+    plan_approach,
+    prepare,
+    prepare_part,
+)
 from duoglide.control.host.run.report import RunReport
 from duoglide.control.host.run.run_log import RunLog
 from duoglide.drives.cia402 import State, decode
 from duoglide.errors import DriveError, DuoglideError, InputError
 from duoglide.kinematics.home import home_position
 from duoglide.kinematics.model import forward
+from duoglide.motion.path.path import as_timing
 from duoglide.motion.path_clock import require_override
-from duoglide.planning.braking.led import led_stops
+from duoglide.storage.paths import as_path
 from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from duoglide.control.channel.events import Trip
+    from duoglide.control.host.trace import Trace
     from duoglide.drives.simulation.simulated import SimulatedDrives
-    from duoglide.machine import Machine
+    from duoglide.machine import Machine, Timing
+    from duoglide.motion.path.path import Path as MotionPath
     from duoglide.planning.trajectory import Trajectory
+    from duoglide.planning.transfer.jog import JogLimits
 
 T = TypeVar("T")
 
@@ -52,16 +71,14 @@ class _Ready(NamedTuple):
         given: The trajectory that was asked for.
         use: Of the machine's limits.
         way: To its start; None where the machine stands there.
-        first: Setpoints of that way.
-        prepared: Setpoints of the run.
+        chain: Setpoints of that way, if there is one, and of the run.
         here: Where the way begins [mm], shape (3,).
     """
 
     given: Trajectory
     use: LimitUse
     way: Trajectory | None
-    first: PreparedSetpoints | None
-    prepared: PreparedSetpoints
+    chain: tuple[PreparedSetpoints, ...]
     here: FloatArray
 
 
@@ -79,7 +96,7 @@ class Robot:
         self._drives = Drivetrain(machine, connection)
         self._run: RunHandle | None = None
         self._ready: _Ready | None = None
-        self._number = 0  # of the newest setpoints
+        self._numbers = count(1)  # of setpoints
         self._stops = self._stops_before = 0  # calls of stop(); how many before a run was asked for
 
     @classmethod
@@ -196,6 +213,11 @@ class Robot:
         self._drives.require_homed()
         return forward(self.machine.geometry, self.carriages)
 
+    @property
+    def trace(self) -> Trace:
+        """What the machine did in the last ten seconds, and what has happened to it."""
+        return self._drives.trace
+
     # Power and reference
 
     def enable(self) -> None:
@@ -298,10 +320,8 @@ class Robot:
         """Certify, plan and load a run that begins where the carriages are [mm]."""
         fit, use = require_fit(trajectory, self.machine)
         way = plan_approach(self.machine, here, fit, approach)
-        fence = Fence.of(self.machine)
-        first = self._load(way, fence, Phase.APPROACH) if way is not None else None
-        prepared = self._load(fit, fence, Phase.PROGRAM)
-        return _Ready(trajectory, use, way, first, prepared, here)
+        prepared = prepare_part(fit, Fence.of(self.machine), 1)
+        return _Ready(trajectory, use, way, self._load_after(way, prepared), here)
 
     def _do(self, task: Callable[[], T]) -> T:
         """Do what takes long below the streamer in priority, and hear signals meanwhile."""
@@ -345,10 +365,173 @@ class Robot:
             ready = self._do(lambda: self._get_ready(trajectory, held, approach))
         run_log = None
         if log is not None:
-            fit = ready.prepared.trajectory
-            run_log = RunLog(log, self.machine, fit, ready.way, self.bus)
-        plan = RunPlan(ready.first, ready.prepared, override, self.machine.drives, ready.use)
+            fit = ready.chain[-1].trajectory
+            run_log = RunLog(log, self.machine, fit.to_document(), ready.way, self.bus)
+        plan = RunPlan(ready.chain, override, self.machine.drives, ready.use)
         return self._begin(plan, run_log)
+
+    def run_program(
+        self,
+        paths: Iterable[MotionPath],
+        tolerance: float = 0.0,
+        brake_safe: bool = True,
+        timing: Timing | str | None = None,
+        *,
+        log: str | Path | None = None,
+        approach: bool = False,
+        override: float = 1.0,
+    ) -> RunReport:
+        """Run a program to its end; takes and raises what ``start_program`` does, and ``run``.
+
+        Raises:
+            PathError: A path cannot be followed; the machine has come to rest before it.
+            DuoglideError: What made the paths has failed, or the planner's process has ended; the
+                machine has come to rest at the end of what had been planned.
+        """
+        return wait_to_the_end(
+            self.start_program(
+                paths, tolerance, brake_safe, timing, log=log, approach=approach, override=override
+            )
+        )
+
+    def start_program(
+        self,
+        paths: Iterable[MotionPath],
+        tolerance: float = 0.0,
+        brake_safe: bool = True,
+        timing: Timing | str | None = None,
+        *,
+        log: str | Path | None = None,
+        approach: bool = False,
+        override: float = 1.0,
+    ) -> RunHandle:
+        """Begin a program that is planned while it runs, and return its handle.
+
+        It is planned in a process of its own, some parts ahead of the motion, which begins once the
+        first part is planned. Where the next one is late, the machine comes to rest on its path
+        and goes on when it is there; the report counts that.
+
+        Args:
+            paths: Any iterable of paths, each from where the one before ends; it may have no end.
+                A thread of its own asks for them, a few paths ahead of the motion.
+            tolerance: See ``plan_program``.
+            brake_safe: See ``plan``.
+            timing: See ``plan``.
+            log: Where to record it (.mcap); it goes on in ``NAME_0002.mcap`` when that is full.
+            approach: Whether to go to the start first, by a planned and checked motion.
+            override: Share of the planned speed, above 0 to 1.
+
+        Raises:
+            InputError: No iterable of paths, none in it, or a value out of its range.
+            NotHomedError: The reference is not known.
+            PathError: The first path cannot be followed; or the machine is not at the start, and no
+                approach was asked for.
+            DriveError: No power, or a run is in progress.
+        """
+        override = _require_first_override(override)
+        log = None if log is None else as_path(log, "log")
+        if as_number(tolerance, "tolerance [mm]") < 0.0:
+            raise InputError(f"tolerance = {tolerance:g} mm: must be 0 or above")
+        method = None if timing is None else as_timing(timing)
+        self._require_ready()
+        order = ProgramOrder(self.machine, tolerance, brake_safe, method)
+        return self._start_feed(PlannerProcess(order, paths), log, approach, override)
+
+    def run_parts(
+        self,
+        parts: Sequence[Trajectory],
+        *,
+        log: str | Path | None = None,
+        approach: bool = False,
+        override: float = 1.0,
+    ) -> RunReport:
+        """Run parts that have been planned to their end; see ``start_parts``."""
+        return wait_to_the_end(
+            self.start_parts(parts, log=log, approach=approach, override=override)
+        )
+
+    def start_parts(
+        self,
+        parts: Sequence[Trajectory],
+        *,
+        log: str | Path | None = None,
+        approach: bool = False,
+        override: float = 1.0,
+    ) -> RunHandle:
+        """Begin to run the parts of a program that ``plan_program`` has yielded.
+
+        Args:
+            parts: For this machine; each takes over where the one before ends, and the last one
+                ends at rest.
+            log: See ``run``.
+            approach: See ``run``.
+            override: See ``run``.
+
+        Raises:
+            InputError: There are none.
+            DuoglideError: What ``run`` raises.
+        """
+        override = _require_first_override(override)
+        log = None if log is None else as_path(log, "log")
+        if not parts:
+            raise InputError("there is no part to run")
+        parts = self._do(lambda: require_chain(parts, self.machine))
+        self._require_ready()
+        order = ProgramOrder(self.machine, planned=True)
+        return self._start_feed(PlannerProcess(order, parts), log, approach, override)
+
+    def start_jog(self, velocity: ArrayLike, limits: JogLimits | None = None) -> JogHandle:
+        """Begin to move the platform by hand, at a velocity, and return the handle.
+
+        The handle has to be asked again and again, or the platform stops: see ``JogHandle.aim``.
+        Every step is looked at with its way to rest before it is taken; the platform stops before
+        it comes to where it may not be.
+
+        Args:
+            velocity: Of the platform [mm/s], shape (3,).
+            limits: What the platform may do; None: 100 mm/s.
+
+        Raises:
+            InputError: Not three finite numbers, or no velocity at all.
+            NotHomedError: The reference is not known.
+            PathError: The machine stands where it may not, or may not go that way; see ``recover``.
+            DriveError: No power, or a run is in progress.
+        """
+        from duoglide.planning.transfer.jog import Jog
+
+        self._require_ready()
+        jog = self._do(lambda: Jog(self.machine, self._drives.held, limits, period=STEP))
+        monitor = self._connection.monitor
+        source = JogSource(self.machine, jog, lambda: monitor.latest)
+        source.aim(velocity)
+        return JogHandle(self._start_feed(source, None, approach=False, override=1.0), source)
+
+    def _start_feed(
+        self, source: Source, log: Path | None, approach: bool, override: float
+    ) -> RunHandle:
+        """Begin a run of what a source has."""
+        feed = PartFeed(source, self._numbers)
+        with ExitStack() as failed:
+            failed.callback(feed.close)
+            plan, run_log = self._do(lambda: self._get_program_ready(feed, log, approach, override))
+            handle = self._begin(plan, run_log)
+            failed.pop_all()
+        return handle
+
+    def _get_program_ready(
+        self, feed: PartFeed, log: Path | None, approach: bool, override: float
+    ) -> tuple[RunPlan, RunLog | None]:
+        """Wait for the first part of a program, and hand it over."""
+        part = feed.first()
+        whole = part.prepared.trajectory
+        way = plan_approach(self.machine, self._drives.held, whole, approach)
+        chain = self._load_after(way, part.prepared)
+        run_log = None
+        if log is not None:
+            number = chain[-1].number
+            run_log = RunLog(log, self.machine, part.document, way, self.bus, number=number)
+        drives = self.machine.drives
+        return RunPlan(chain, override, drives, part.limit_use, feed, part.paths), run_log
 
     def _require_ready(self) -> None:
         """Refuse to move what is not ready for it, and end what is over."""
@@ -436,29 +619,30 @@ class Robot:
 
         def get_ready() -> RunPlan:
             way = recover(self.machine, held)
-            prepared = self._load(way, fence, Phase.PROGRAM, way_out=True)
+            prepared = self._load(prepare(way, fence, 1, Phase.PROGRAM))
             use = measure_limit_use(way, self.machine)
-            return RunPlan(None, prepared, 1.0, self.machine.drives, use)
+            return RunPlan((prepared,), 1.0, self.machine.drives, use)
 
         return wait_to_the_end(self._begin(self._do(get_ready), None))
 
     # Inside
 
-    def _load(
-        self, trajectory: Trajectory, fence: Fence, phase: Phase, *, way_out: bool = False
-    ) -> PreparedSetpoints:
-        """Hand a trajectory to the streamer, every setpoint of it validated.
+    def _load(self, prepared: PreparedSetpoints, after: int = 0) -> PreparedSetpoints:
+        """Hand setpoints to the streamer, under the next number."""
+        numbered = replace(prepared, number=next(self._numbers), after=after)
+        self._connection.process.load(numbered)
+        return numbered
 
-        What it leaves the carriages bounds how far they may be off, and whether a drive that brakes
-        by itself may lead the others; a way out has nothing left.
-        """
-        self._number += 1
-        margin_at = None if way_out else margin_of(trajectory, self.machine)
-        prepared = prepare(trajectory, fence, self._number, phase, margin_at)
-        if not way_out:
-            prepared = replace(prepared, led=led_stops(trajectory))
-        self._connection.process.load(prepared)
-        return prepared
+    def _load_after(
+        self, way: Trajectory | None, prepared: PreparedSetpoints
+    ) -> tuple[PreparedSetpoints, ...]:
+        """Hand over the setpoints of a run, after those of the way to its start if it needs one."""
+        if way is None:
+            return (self._load(prepared),)
+        fence = Fence.of(self.machine)
+        first = replace(prepare_part(way, fence, 1), phase=Phase.APPROACH)
+        first = self._load(first)
+        return first, self._load(prepared, first.number)
 
     def _end_run(self) -> None:
         """Stop the run that is in progress, if any, and close its log."""

@@ -1,6 +1,6 @@
-"""The streamer's process: ``python -m duoglide.control.streamer RING ORDERS BULK``.
+"""The streamer's process: ``python -m duoglide.control.streamer RING ORDERS BULK SIGNALS``.
 
-Started by ``control.host.process`` with three inherited descriptors; not for people.
+Started by ``control.host.process`` with four inherited descriptors; not for people.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -30,7 +31,8 @@ from duoglide.planning.trajectory import Trajectory
 
 _LOADED_EARLY = (Trajectory, TransferPath)  # an import while cycles run would hold them up
 _ASK_ANYWAY = 8  # cycles after which the socket is asked for its end, announced or not
-_KEPT = 3  # prepared setpoints: an approach, its run, and the next one
+_DEAF = 0.7  # [s] after which a host that is silent, and was told to end, is ended
+_KEPT = 12  # prepared setpoints: what moves, its look-ahead, and what a run ahead of it prepares
 
 
 class SocketInbox:
@@ -40,15 +42,20 @@ class SocketInbox:
         orders: Fixed-size orders.
         ring: In which the host announces them: to ask a socket is expensive.
         host: Process number of the host.
+        signals: Where signals come that it has not taken yet; they are looked at, and left there.
     """
 
-    def __init__(self, orders: socket.socket, ring: Ring, host: int) -> None:
+    def __init__(
+        self, orders: socket.socket, ring: Ring, host: int, signals: socket.socket
+    ) -> None:
         orders.setblocking(False)
         self._socket, self._ring, self._host = orders, ring, host
+        self._signals, self._told = signals, 0.0
         self._known = self._unasked = 0
         self._rest = b""
         self._ended = False
         self._prepared: dict[int, PreparedSetpoints] = {}
+        self._following: dict[int, PreparedSetpoints] = {}
 
     def orders(self) -> list[Order]:
         """Return the orders that have come."""
@@ -75,6 +82,10 @@ class SocketInbox:
         """Return setpoints that have been handed over."""
         return self._prepared.get(number)
 
+    def following(self, number: int) -> PreparedSetpoints | None:
+        """Return the setpoints that go on from others."""
+        return self._following.get(number)
+
     @property
     def host_gone(self) -> bool:
         """Whether the host has closed its end, or has left this process an orphan."""
@@ -89,11 +100,26 @@ class SocketInbox:
                 waited += int(file.read_text().split()[1])
         return waited
 
+    def end_deaf_host(self) -> None:
+        """End a host in which nothing goes on any more, if a signal has told it to end."""
+        try:
+            numbers = self._signals.recv(64, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+        except OSError:
+            return
+        if any(self._ring.fatal_signals >> number & 1 for number in numbers):
+            now = time.monotonic()
+            self._told = self._told or now
+            if now - self._told > _DEAF and not self.host_gone:
+                os.kill(self._host, signal.SIGKILL)
+
     def keep(self, prepared: PreparedSetpoints) -> None:
         """Take setpoints over, and let go of the oldest."""
         self._prepared[prepared.number] = prepared
+        if prepared.after:
+            self._following[prepared.after] = prepared
         if len(self._prepared) > _KEPT:
-            del self._prepared[min(self._prepared)]
+            oldest = self._prepared.pop(min(self._prepared))
+            self._following.pop(oldest.after, None)
 
 
 def receive_setpoints(bulk: socket.socket, inbox: SocketInbox) -> None:
@@ -131,10 +157,11 @@ def main(arguments: list[str]) -> int:
     """Stream until told to close, or until the host is gone and the drives are off."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # the host hears them too, and stops the machine
-    descriptor, orders, objects = map(int, arguments)
+    descriptor, orders, objects, signals = map(int, arguments)
     ring = Ring(descriptor)
     bulk = socket.socket(fileno=objects)
-    inbox = SocketInbox(socket.socket(fileno=orders), ring, os.getppid())
+    heard = socket.socket(fileno=signals)
+    inbox = SocketInbox(socket.socket(fileno=orders), ring, os.getppid(), heard)
     assignment = receive_object(bulk)
     if not isinstance(assignment, Assignment):
         return 2

@@ -7,6 +7,8 @@ demand: the lag of its carriage is taken off, because the others trail their set
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 _SINCE = 0.5  # cycles since it began, at the end of the cycle in which it did: anything up to 1
@@ -17,6 +19,10 @@ _SETTLING = 4  # cycles that this takes
 _LAST_OFF = 0.1  # share of its deceleration that may be wrong
 _CREDIBLE = 5.0  # standard deviations, with a reserve of ...
 _RESERVE = 0.5  # ... [mm], beyond which a place is not one of a drive that brakes
+_FEWEST, _LIKE = 3, 0.6  # places, and [mm] by which each may be off, that show that one brakes
+_HARDER = (1.0, 4.0, 16.0, 1e3)  # times its deceleration: one whose carriage is held stands at once
+_LONGEST_AGO = 10  # cycles ago that it may have heard its last setpoint ...
+_COASTS = (0.0, 0.5, 1.0, 2.0)  # ... and cycles for which it may then have gone on
 
 
 class Trailing(NamedTuple):
@@ -71,6 +77,47 @@ class BrakingDrive:
         self.velocity, self._pv, self._vv = 0.0, 0.0, 0.0
         self._pp += (2.0 * self._d) ** 2
 
+    @classmethod
+    def recognise(
+        cls,
+        due: Sequence[float],
+        places: Sequence[float],
+        deceleration: float,
+        trailing: Trailing,
+    ) -> BrakingDrive | None:
+        """Return the drive that has left its setpoints and brakes or stands; None for others.
+
+        One that hears no setpoints any more, and has not said so yet, goes on for a while and then
+        brakes. When it began is found out by trying. One whose carriage is held brakes harder.
+
+        Args:
+            due: Setpoints of the newest cycles, the newest last [mm].
+            places: Where its carriage was [mm].
+            deceleration: What it brakes with [mm/cycle^2].
+            trailing: Of its carriage.
+        """
+        last = len(due) - 1
+        best, found = _LIKE, None
+        starts = range(max(1, last - _LONGEST_AGO), last - _FEWEST + 1)
+        for harder, k, coast in product(_HARDER, starts, _COASTS):
+            velocity, since = due[k] - due[k - 1], k + coast
+            begin, d = due[k] + velocity * coast, deceleration * harder
+            worst = 0.0
+            for j in range(last, last - _FEWEST, -1):
+                place, speed = _brake(begin, velocity, d, j - since)
+                worst = max(worst, abs(place - trailing.lag * speed - places[j]))
+                if worst >= best:
+                    break
+            else:
+                best, found = worst, (d, *_brake(begin, velocity, d, last - since))
+        if found is None:
+            return None
+        d, place, velocity = found
+        drive = cls(place, 0.0, d if velocity else deceleration, trailing)
+        drive.velocity, drive._age = velocity, _SETTLING
+        drive._pp, drive._vv = _LIKE**2, (_SPREAD * d) ** 2 if velocity else 0.0
+        return drive
+
     def pass_cycle(self) -> None:
         """Let a cycle pass."""
         self.place, self.velocity = self.after(1)
@@ -80,13 +127,9 @@ class BrakingDrive:
         self._pv += self._vv + 0.5 * off
         self._vv += off
 
-    def after(self, cycles: int) -> tuple[float, float]:
+    def after(self, cycles: float) -> tuple[float, float]:
         """Return place and velocity so many cycles later."""
-        v, d = self.velocity, self._d
-        t = min(float(cycles), abs(v) / d)
-        back = _signed(d, v)
-        later = v - back * t if t == cycles else 0.0
-        return self.place + v * t - 0.5 * back * t * t, later
+        return _brake(self.place, self.velocity, self._d, cycles)
 
     def see(self, actual: float) -> bool:
         """Weigh in where its carriage is now [mm]; whether that is credible."""
@@ -107,6 +150,14 @@ class BrakingDrive:
         self._pv *= 1.0 - gain
         self._pp *= 1.0 - gain
         return True
+
+
+def _brake(place: float, velocity: float, deceleration: float, t: float) -> tuple[float, float]:
+    """Return place and velocity ``t`` cycles after it has begun to brake."""
+    lasting = min(max(t, 0.0), abs(velocity) / deceleration)
+    back = _signed(deceleration, velocity)
+    later = velocity - back * lasting if lasting >= t else 0.0
+    return place + velocity * min(t, lasting) - 0.5 * back * lasting * lasting, later
 
 
 def _signed(amount: float, like: float) -> float:

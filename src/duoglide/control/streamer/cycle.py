@@ -55,6 +55,10 @@ class Inbox(Protocol):
         """Return setpoints that have been handed over; None if they have not."""
         ...
 
+    def following(self, number: int) -> PreparedSetpoints | None:
+        """Return the setpoints that go on from others; None if they have not been handed over."""
+        ...
+
     @property
     def host_gone(self) -> bool:
         """Whether the host process has ended."""
@@ -63,6 +67,10 @@ class Inbox(Protocol):
     @property
     def host_waited(self) -> int:
         """For how long its threads have been ready to run and were not let, in all [ns]."""
+        ...
+
+    def end_deaf_host(self) -> None:
+        """End a host in which nothing goes on any more, if a signal has told it to end."""
         ...
 
 
@@ -110,6 +118,7 @@ class Streamer:
         self._margins = deque([_INFINITE] * _REMEMBERED, _REMEMBERED)
         self._unsteady = self._unsure = self._settling = 0
         self._path_time = self._rate = 0.0
+        self._last = 0  # number of the setpoints after which nothing comes
         self._phase, self._state = Phase.HOLD, RunState.NONE
         self._actions = PathActions(self._wire, self.tell)
         self._power, self._enabled = Power.SILENT, False
@@ -191,6 +200,8 @@ class Streamer:
             self._watch.policy = self._settings.allow_standstill(value)
         elif order is Command.QUICK_STOP:
             self._watch.seen.pressed = True
+        elif order is Command.END:
+            self._last = argument
         elif self._follower is not None:
             self._change_pace(self._follower, order, value)
 
@@ -229,10 +240,12 @@ class Streamer:
             self._refuse(Command.RUN, Refusal.LATCHED)
         elif self._follower is not None:
             self._refuse(Command.RUN, Refusal.BUSY)
+        elif prepared.lead_in:
+            self._refuse(Command.RUN, Refusal.MOVING)
         elif axis := prepared.fence.refuses(prepared.first, self._setpoint):
             self._refuse(Command.RUN, Refusal.ELSEWHERE, axis)
         else:
-            self._follower, self._run = Follower(prepared, override), number
+            self._follower, self._run, self._last = Follower(prepared, override), number, 0
             self.tell(Happening.STARTED, detail=prepared.phase, value=number)
 
     def _refuse(self, order: Command, reason: Refusal, axis: int = 0) -> None:
@@ -255,6 +268,9 @@ class Streamer:
                 self._tell_departure(number, trail)
         watch.see_time(self._skipped, self._outbox.signs_of_life)
         seen.host_waits = self._host_waits()
+        silent = seen.host_is_silent(watch.policy) and self._power is not Power.SILENT
+        if silent and not self._cycle % _ASK_EVERY:
+            self._inbox.end_deaf_host()
         seen.moving = self._follower is not None
         seen.bus_failed, seen.foreign = self._wire.failed, self._wire.foreign
         self.done = self._closing and self._power is Power.OFF
@@ -379,7 +395,13 @@ class Streamer:
         whoever made up for a longer one would have them leap.
         """
         gap = 0 if self._watch.too_late else min(self._skipped, DRIVES_BRIDGE)
+        before, reached, follower.last = follower.prepared, follower.path_time, self._last
+        waited = follower.waited if follower.starved else 0.0
+        if follower.following is None:
+            follower.following = self._inbox.following(before.number)
         target = follower.advance(1 + gap)
+        if follower.prepared is not before:
+            self._tell_part(follower.prepared, before, reached, waited)
         refused = follower.prepared.fence.refuses(target, self._setpoint, 1 + gap)
         if refused:
             self._watch.seen.refused = refused
@@ -394,7 +416,22 @@ class Streamer:
         if state is RunState.FINISHED:
             self._arrive(follower)
         elif state in OVER:
+            if follower.unjoined:
+                self._refuse(Command.RUN, Refusal.ELSEWHERE)
             self._end_run(Happening.STOPPED)
+
+    def _tell_part(
+        self, now: PreparedSetpoints, before: PreparedSetpoints, reached: float, waited: float
+    ) -> None:
+        """Tell that other setpoints have taken over, and how long the motion rested for them."""
+        self._run = now.number
+        if waited:
+            self.tell(Happening.AWAITED, value=waited)
+        if now.phase is before.phase:
+            self.tell(Happening.PART, code=int(now.lead_in > 0.0), value=now.number)
+        else:
+            self.tell(Happening.FINISHED, detail=before.phase, value=reached)
+            self.tell(Happening.STARTED, detail=now.phase, value=now.number)
 
     def _arrive(self, follower: Follower) -> None:
         """End a run once all carriages are where it ends, and stand; name the one that is not."""

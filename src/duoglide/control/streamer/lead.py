@@ -31,6 +31,7 @@ class Lead:
 
     def __init__(self) -> None:
         self.axis = self.lost = 0
+        self._departed = False  # it brakes although its state says that it is enabled
 
     def look(
         self,
@@ -54,27 +55,48 @@ class Lead:
             if skipped or not self._goes_on(follower, follower.led, views, trails, sent):
                 self.lost, self.axis = self.axis, 0
             return
-        self.axis = 0
-        stopping = [i for i, view in enumerate(views) if view.emergency or view.state in _BRAKING]
-        stops = follower.prepared.led
-        if len(stopping) != 1 or stops is None or skipped:
+        self.axis, self._departed = 0, False
+        stops = follower.led_stops
+        if stops is None or skipped:
+            return
+        stopping = [i for i, view in enumerate(views) if _may_brake(view)]
+        if len(stopping) != 1 or not _others_follow(views, stopping[0]):
             return
         index = stopping[0]
-        confirmed = views[index].state in _BRAKING
-        begun = follower.path_time - (2 + confirmed) * follower.rate * follower.prepared.cycle
-        if not _others_follow(views, index) or not stops.allow(index, begun):
-            return
-        drive = _begin(follower, index, trails[index], sent, confirmed)
-        if confirmed and not _sees(follower, index, views[index], drive):
+        view, trail = views[index], trails[index]
+        if view.away or view.is_deaf:
+            drive = _recognise(follower, index, trail)
+            departed = confirmed = True
+        else:
+            drive, departed, confirmed = None, False, view.state in _BRAKING
+            begun = follower.path_time - (2 + confirmed) * follower.rate * follower.prepared.cycle
+            if stops.allow(index, begun):
+                drive = _begin(follower, index, trail, sent, confirmed)
+        if drive is None or (confirmed and not _sees(follower, index, view, drive)):
             return
         course = Course(follower.prepared, follower.path_times)
-        stop = LedStop(course, stops, index, drive, confirmed)
+        stop = LedStop(course, stops, index, drive, confirmed, departed=departed)
         if stop.find():
-            follower.led, self.axis = stop, index + 1
+            follower.led, self.axis, self._departed = stop, index + 1, departed
+
+    def _goes_on_unheard(
+        self, follower: Follower, stop: LedStop, view: AxisView, trail: AxisTrail
+    ) -> bool:
+        """Weigh in a cycle of a drive that has left its setpoints, or recognise it once more."""
+        if not _sees(follower, stop.index, view, stop.drive):
+            drive = _recognise(follower, stop.index, trail)
+            if drive is None:
+                return False
+            stop.drive = drive
+        return stop.find()
 
     def power_of(self, axis: int, power: Power, state: State | None) -> Power:
-        """Return what is wanted of a drive's power: one that leads is not brought back up."""
-        leads = axis == self.axis and state is not State.OPERATION_ENABLED
+        """Return what is wanted of a drive's power: one that leads is not brought back up.
+
+        One that has not said that it brakes is told to, so that it goes on with it should it hear
+        again.
+        """
+        leads = axis == self.axis and (self._departed or state is not State.OPERATION_ENABLED)
         return Power.QUICK_STOP if leads else power
 
     def _goes_on(
@@ -95,6 +117,8 @@ class Lead:
             stop.confirm(_begin(follower, index, trails[index], sent, confirmed=True))
             return _sees(follower, index, view, stop.drive) and stop.find()
         stop.drive.pass_cycle()
+        if stop.departed and (braking or view.state is State.OPERATION_ENABLED):
+            return self._goes_on_unheard(follower, stop, view, trails[index])
         if view.state is State.OPERATION_ENABLED:  # the message was a warning, or comes early
             return not stop.confirmed and stop.find()
         if not braking:
@@ -103,6 +127,11 @@ class Lead:
             stop.drive.rest()
             stop.confirmed = True
         return _sees(follower, index, view, stop.drive) and stop.find()
+
+
+def _may_brake(view: AxisView) -> bool:
+    """Whether a drive says that it brakes by itself, or shows it."""
+    return bool(view.emergency) or view.state in _BRAKING or view.away
 
 
 def _others_follow(views: Sequence[AxisView], index: int) -> bool:
@@ -126,6 +155,17 @@ def _begin(
     assert stops is not None
     deceleration = stops.decelerations[index] * prepared.cycle**2
     return BrakingDrive(here, here - before, deceleration, Trailing(trail.lag, trail.bend))
+
+
+def _recognise(follower: Follower, index: int, trail: AxisTrail) -> BrakingDrive | None:
+    """Return the drive that hears no setpoints any more, and brakes; None where it does not."""
+    prepared, stops = follower.prepared, follower.prepared.led
+    assert stops is not None
+    scale = prepared.fence.scales.axes[index]
+    due = [scale.to_mm(step.due) for step in trail.steps]
+    places = [scale.to_mm(step.actual) for step in trail.steps]
+    deceleration = stops.decelerations[index] * prepared.cycle**2
+    return BrakingDrive.recognise(due, places, deceleration, Trailing(trail.lag, trail.bend))
 
 
 def _sees(follower: Follower, index: int, view: AxisView, drive: BrakingDrive) -> bool:

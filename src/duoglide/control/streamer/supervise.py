@@ -81,11 +81,13 @@ class Observation:
     pressed: bool = False
     foreign: bool = False
 
+    def host_is_silent(self, policy: Policy) -> bool:
+        """Whether the host has not spoken for longer than it may."""
+        return self.host >= policy.host and not self.host_waits
+
 
 _FOLLOWING_ERROR = int(Status.FOLLOWING_ERROR)  # plain numbers: an IntFlag's & costs 1.5 us
 _FOLLOWS = int(Status.FOLLOWS_COMMAND)
-_COMMUNICATION = 0x8100  # emergency codes of drives that do not hear their host, and stop (0x6007)
-_NOT_HEARD = (0x8250, 0x8700)  # setpoints, or SYNC
 
 
 def assess(seen: Observation, policy: Policy) -> Iterator[Trip]:
@@ -106,7 +108,7 @@ def _of_the_host(seen: Observation, policy: Policy) -> Iterator[Trip]:
         yield Trip(Condition.PRESSED, Reaction.QUICK_STOP)
     if seen.bus_failed:
         yield Trip(Condition.BUS, Reaction.QUICK_STOP)
-    if seen.host >= policy.host and not seen.host_waits:
+    if seen.host_is_silent(policy):
         yield Trip(Condition.HOST_SILENT, Reaction.STOP_AND_DISABLE)
     if not seen.enabled:
         return
@@ -134,8 +136,8 @@ def _of_an_axis(index: int, seen: Observation, policy: Policy) -> Iterator[Trip]
     follows = axis.state is State.OPERATION_ENABLED
     stop = Reaction.STOP_ON_PATH if follows else Reaction.QUICK_STOP
     if code := axis.emergency:
-        deaf = code & 0xFF00 == _COMMUNICATION or code in _NOT_HEARD
-        yield Trip(Condition.EMERGENCY, Reaction.QUICK_STOP if deaf else stop, number, code)
+        reaction = Reaction.QUICK_STOP if axis.is_deaf else stop
+        yield Trip(Condition.EMERGENCY, reaction, number, code)
     if not follows:
         yield Trip(_NOT_ENABLED.get(axis.state, Condition.NOT_ENABLED), stop, number)
         return
@@ -165,7 +167,13 @@ _NOT_ENABLED: dict[State | None, Condition] = {
 }
 
 
-_OF_A_LEADER = (Condition.EMERGENCY, Condition.FAULT, Condition.NOT_ENABLED)
+_OF_A_LEADER = (
+    Condition.EMERGENCY,
+    Condition.FAULT,
+    Condition.NOT_ENABLED,
+    Condition.FOLLOWING_ERROR,
+    Condition.LOST,
+)
 
 
 class Watch:
@@ -216,7 +224,7 @@ class Watch:
                 view.statusword |= _FOLLOWS  # also in the last answer, where one is missing
             if homing or track.homing:
                 view.statusword = 0  # bits 12 and 13 mean something else there
-            elif due is not None and not track.missing and index + 1 != self.leader:
+            elif due is not None and not track.missing:
                 self._judge_trail(index, track, due)
         self.seen.enabled = due is not None
 
@@ -225,6 +233,9 @@ class Watch:
         # after a gap the answer may be to an earlier SYNC, for a while
         unsure = due.unsure if track.settled else max(due.unsure, _UNSURE + track.gap)
         row = [setpoint[index] for setpoint in due.setpoints]
+        if index + 1 == self.leader:
+            trail.remember(track.actual, row)
+            return
         trail.see(track.actual, row, due.margin / trail.rule.mm, unsure)
         view.following, view.allowed = trail.off, trail.allowed
         view.stays, view.away, view.far = trail.stays, trail.breaks_away, trail.is_far

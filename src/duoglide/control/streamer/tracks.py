@@ -12,6 +12,8 @@ from duoglide.errors import DriveError
 
 _LIMIT = int(Status.INTERNAL_LIMIT_ACTIVE)  # a plain number: an IntFlag's & costs 1.5 us
 _NO_NMT = -1
+_COMMUNICATION = 0x8100  # emergency codes of drives that do not hear their host, and stop (0x6007)
+_NOT_HEARD = (0x8250, 0x8700)  # setpoints, or SYNC
 _BRIDGED = 1  # words in a row that cannot be, as one lost frame is
 _STARTED = frozenset(State) - {State.NOT_READY_TO_SWITCH_ON}
 _SETTLING = 3  # cycles with feedback after which it surely answers the SYNC before
@@ -36,6 +38,11 @@ class AxisView:
     limited: int = 0  # cycles in a row with bit 11
     nmt: int = pdo.NmtState.OPERATIONAL
     booted: bool = False
+
+    @property
+    def is_deaf(self) -> bool:
+        """Whether it says that it does not hear its host."""
+        return self.emergency & 0xFF00 == _COMMUNICATION or self.emergency in _NOT_HEARD
 
 
 def _state_of(statusword: int) -> State | None:

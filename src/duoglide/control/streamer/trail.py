@@ -8,7 +8,8 @@ departure that begins, which is how setpoints show that were lost on the bus.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections import deque
+from typing import TYPE_CHECKING, NamedTuple
 
 from duoglide.drives.trailing import TrailFit, bend_of, step_of
 
@@ -29,6 +30,19 @@ _BRIDGED = 2  # cycles in a row in which a carriage gets away
 _FAR = 10.0  # times a departure; few setpoints lost in a row do not come to that
 _CALM = 10  # cycles without a departure, after which it is over
 _LONGEST = 100  # cycles after which a departure is told although it goes on
+_REMEMBERED = 16  # cycles
+
+
+class Trodden(NamedTuple):
+    """Where a carriage was in a cycle [increments].
+
+    Attributes:
+        due: The setpoint that was due there.
+        actual: Where it was.
+    """
+
+    due: int
+    actual: int
 
 
 class AxisTrail:
@@ -43,23 +57,26 @@ class AxisTrail:
         allowed: What it may be at this speed [increments].
         departed: Cycles of the departure under way, or of the one that is over.
         worst: Its greatest distance [increments].
+        steps: The newest cycles in a row whose feedback is sure, the newest last.
     """
 
     __slots__ = (
         "_bend", "_calm", "_cycles", "_fit", "_lag", "_last", "_mean", "_row", "_usual",
-        "allowed", "departed", "off", "rule", "worst",
+        "allowed", "departed", "off", "rule", "steps", "worst",
     )  # fmt: skip
 
     def __init__(self, rule: TrailRule) -> None:
         self.rule = rule
         self._fit = TrailFit(_MEMORY)
         self._lag = self._bend = 0.0  # learned, beyond what is known
+        self.steps: deque[Trodden] = deque(maxlen=_REMEMBERED)
         self.reset()
 
     def reset(self) -> None:
         """Begin anew where the power comes on; what was learned of the drive stays."""
         self._mean = self._last = self._usual = 0.0
         self._cycles = self._calm = self._row = 0
+        self.steps.clear()
         self.off = self.allowed = self.worst = 0.0
         self.departed = 0
 
@@ -87,9 +104,11 @@ class AxisTrail:
         grown = max(rule.at_rest, rule.growth * abs(step)) + _CURVE * abs(bend)
         self.allowed = min(grown, rule.window, margin)
         if unsure:
+            self.steps.clear()
             self.allowed += unsure * max(abs(after - here), abs(here - before))
             self._row = 0
             return
+        self.remember(actual, due)
         left = off + self._lag * step + self._bend * bend
         late = abs(left) > rule.departure and not self._row and self._is_late(actual, due)
         if late:
@@ -100,6 +119,10 @@ class AxisTrail:
         self._watch_departure(left)
         if (step or bend) and not late:
             self._learn(off, step, bend)
+
+    def remember(self, actual: int, due: Sequence[int]) -> None:
+        """Keep where it was: takes what ``see`` does. Of a drive that leads, nothing is judged."""
+        self.steps.append(Trodden(due[-2], actual))
 
     @property
     def lag(self) -> float:

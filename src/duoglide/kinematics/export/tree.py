@@ -7,7 +7,7 @@ the reference pose.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TypeAlias
 
@@ -22,11 +22,12 @@ from duoglide.kinematics.model import reachable
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.singularity.margins import clearance, margins
 from duoglide.kinematics.skeleton import joints
-from duoglide.machine import Geometry, Machine
+from duoglide.machine import Geometry, Machine, Masses
 
 Point: TypeAlias = tuple[float, float, float]
 
 HALF_WIDTH = 15.0  # [mm], half of a parallelogram's short side
+END_BAR = 0.05  # of the mass of carriage 3 or platform: the end bar of parallelogram 2 there
 X, Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
@@ -57,6 +58,9 @@ class Body:
         origin: Centre of its joint at the reference pose, in the base frame [mm].
         bars: What it looks like, in the base frame at the reference pose.
         value: What its joint reads at the reference pose: a carriage's position [mm], else 0.
+        mass: What it weighs [kg].
+        slender: Whether its mass is spread evenly along its first bar; else it never turns, or
+            about its bar alone.
     """
 
     name: str
@@ -66,6 +70,15 @@ class Body:
     origin: Point
     bars: tuple[Bar, ...]
     value: float = 0.0
+    mass: float = 0.0
+    slender: bool = False
+
+    @property
+    def centre(self) -> Point:
+        """Centre of its bars' lengths, in the base frame at the reference pose [mm]."""
+        ends = np.array([(bar.start, bar.end) for bar in self.bars])
+        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1)
+        return _point(lengths @ ends.mean(axis=1) / lengths.sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +99,14 @@ class Tree:
         closures: What makes the tree a closed mechanism.
         platform_offset: From the platform body's origin to O' [mm].
         travel: The carriages stay within +-travel [mm].
+        masses: Masses, friction and gravity, none of them left out.
     """
 
     bodies: tuple[Body, ...]
     closures: tuple[Closure, ...]
     platform_offset: Point
     travel: float
+    masses: Masses
 
 
 def build_tree(
@@ -112,18 +127,55 @@ def build_tree(
         InputError: The position is not three finite numbers.
         UnreachableError: The position is beyond reach.
     """
+    given = machine.masses if isinstance(machine, Machine) else Masses()
     geometry = machine.geometry if isinstance(machine, Machine) else machine
+    masses = given.complete(geometry)
     pose = _reference_pose(machine) if position is None else as_triples(position, "position")
     if pose.ndim != 1:
         raise InputError(f"position must be one triple, got shape {pose.shape}")
     at = joints(geometry, pose, mode)
     platform = at["E2"] + _along(X)
+    bodies = (*_first_chain(at), *_second_chain(at))
+    weights = _weigh(masses)
     return Tree(
-        bodies=(*_first_chain(at), *_second_chain(at)),
+        bodies=tuple(_with_mass(body, weights[body.name]) for body in bodies),
         closures=_closures(at),
         platform_offset=_point(at["O"] - platform),
         travel=geometry.rail_half_length,
+        masses=masses,
     )
+
+
+def _weigh(masses: Masses) -> dict[str, float]:
+    """Return the mass of each body [kg].
+
+    The end bars of parallelogram 2 move with carriage 3 and with the platform, and take a small
+    part of their masses: a body without any cannot be simulated.
+    """
+    parts = (masses.leg, masses.coupler, masses.riser, masses.arm, masses.strut, masses.platform)
+    leg, coupler, riser, arm, strut, platform = (part or 0.0 for part in parts)
+    platform += masses.payload
+    first, second, third = masses.carriage
+    return {
+        "carriage_1": first,
+        "carriage_2": second,
+        "carriage_3": (1.0 - END_BAR) * third,
+        "leg_1": leg,
+        "leg_2": leg,
+        "coupler": coupler + riser,
+        "arm_near": 0.5 * arm,
+        "arm_far": 0.5 * arm,
+        "platform": (1.0 - END_BAR) * platform,
+        "lower_bar": END_BAR * third,
+        "strut_near": 0.5 * strut,
+        "strut_far": 0.5 * strut,
+        "upper_bar": END_BAR * platform,
+    }
+
+
+def _with_mass(body: Body, mass: float) -> Body:
+    slender = body.name.startswith(("leg_", "arm_", "strut_"))
+    return replace(body, mass=mass, slender=slender)
 
 
 def _first_chain(at: dict[str, FloatArray]) -> tuple[Body, ...]:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from duoglide.arrays import FloatArray
-from duoglide.drawing.picture import COLOURS, LIMIT, Picture, drawn
+from duoglide.drawing.picture import CURVE, LIMIT, LOST, Picture, drawn
 from duoglide.drawing.section import draw_section
 from duoglide.errors import PathError
 from duoglide.kinematics.carriage_margin import carriage_margin
@@ -23,7 +23,7 @@ _SAMPLES = 2000
 _LEAST = 5.0  # [mm] that a view shows on both sides of the middle, however flat the path is
 _STEPS = (1, 2, 5, 10)  # The scales have divisions of 1, 2 or 5 times a power of ten.
 _FAILURE: dict[str, Any] = {
-    "color": "#cc0050",
+    "color": LOST,
     "markersize": 8.0,
     "markeredgewidth": 2.0,
     "label": "fails first here",
@@ -56,7 +56,7 @@ def plot_curve(
             ("top", 1, 0, "From above"),
         ):
             _draw_view(views[name], points, waypoints, (across, up), title)
-            views[name].plot(halts[:, across], halts[:, up], "o", color=COLOURS[1], markersize=4.0)
+            views[name].plot(halts[:, across], halts[:, up], "o", color=CURVE, mfc="white", ms=4.5)
     return figure
 
 
@@ -91,8 +91,8 @@ def plot_in_machine(
         side, section, ways = views["a"], views["b"], (views["c"], views["d"])
         _draw_view(side, points, points[[0, -1]], (1, 2), "From the side")
         draw_section(section, machine, points)
-        section.plot(points[:, 0], points[:, 2], color=COLOURS[1], linewidth=2.0)
-        section.plot(*points[[0, -1]][:, ::2].T, ".", color=COLOURS[1], markersize=6.0)
+        section.plot(points[:, 0], points[:, 2], color=CURVE, linewidth=2.0)
+        section.plot(*points[[0, -1]][:, ::2].T, ".", color=CURVE, markersize=6.0)
         _draw_needed(ways[0], along, room, machine.clearance, "Clearance [mm]")
         _draw_needed(ways[1], along, loose, machine.carriage_margin, "Carriage margin [mm]")
         ways[1].set_xlabel("along the path [mm]")
@@ -110,7 +110,7 @@ def _draw_needed(
     axes: Axes, along: FloatArray, values: FloatArray, needed: float, title: str
 ) -> None:
     """Draw what is left along the path, and how much of it the machine asks for."""
-    axes.plot(along, values, color=COLOURS[0])
+    axes.plot(along, values, color=CURVE)
     axes.axhline(needed, color=LIMIT, linestyle="--", linewidth=1.0)
     axes.annotate(
         "needed", (along[-1], needed), (0.0, 2.0), ha="right", color=LIMIT,
@@ -132,8 +132,8 @@ def _draw_view(
 ) -> None:
     """Draw points as they are seen along the third axis, at one scale, and marks on them."""
     across, up = plane
-    axes.plot(points[:, across], points[:, up], color=COLOURS[0])
-    axes.plot(marks[:, across], marks[:, up], ".", color=COLOURS[0], markersize=5.0)
+    axes.plot(points[:, across], points[:, up], color=CURVE)
+    axes.plot(marks[:, across], marks[:, up], ".", color=CURVE, markersize=5.0)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))[[across, up]]
     axes.update_datalim([middle - _LEAST, middle + _LEAST])
     axes.margins(0.08)

@@ -11,7 +11,7 @@ from duoglide.motion.curve.curve import Curve
 from duoglide.motion.path.path import Path
 from duoglide.motion.rounding.blend import Blend
 from duoglide.motion.rounding.course import Course, lay_course
-from duoglide.motion.rounding.round_segments import RoundedCurve, round_course
+from duoglide.motion.rounding.round_segments import RoundedCurve, Sorted, round_course
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +67,18 @@ def round_corners(path: Path) -> RoundedPath:
     return round_again(path, lay_course(path.segments, path.corners, path.halts))
 
 
-def round_again(path: Path, course: Course) -> RoundedPath:
+def round_again(path: Path, course: Course, known: Sorted | None = None) -> RoundedPath:
     """Round a path on its course, whose corners may have been chosen since.
+
+    Args:
+        path: The path.
+        course: Its course.
+        known: See ``round_course``.
 
     Raises:
         PathError: See ``round_corners``.
     """
-    rounded = round_course(course)
+    rounded = round_course(course, known)
     corners = list(path.corners)
     for waypoint, corner in zip(course.origin[1:-1], course.corners, strict=True):
         if waypoint > 0 and isinstance(corner, Blend):

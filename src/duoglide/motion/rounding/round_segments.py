@@ -54,16 +54,45 @@ class RoundedCurve:
         return Blend(float(self.before[i]), float(self.after[i]), float(self.shape[i]))
 
 
-def round_course(course: Course) -> RoundedCurve:
+@dataclass(frozen=True, slots=True, eq=False)
+class Sorted:
+    """The pieces of a course, and which of its corners are rounded: the same for any blends there.
+
+    Attributes:
+        raw: The pieces.
+        rest: Which corners are rests, shape (n,).
+        rounded: Which are to be rounded; the others join smoothly.
+    """
+
+    raw: RawPath
+    rest: BoolArray
+    rounded: BoolArray
+
+
+def sort_course(course: Course) -> Sorted:
+    """Chain the pieces of a course and sort its corners.
+
+    Raises:
+        PathError: An explicit blend stands at a reversal.
+    """
+    raw = chain_pieces(course.segments)
+    return Sorted(raw, *_sort_corners(course.corners, course.halts, raw))
+
+
+def round_course(course: Course, known: Sorted | None = None) -> RoundedCurve:
     """Fix every blend between the segments of a course, and join their pieces to one curve.
+
+    Args:
+        course: The course.
+        known: What ``sort_course`` finds of it, or of a course with other blends.
 
     Raises:
         PathError: Explicit blends that overlap, are longer than their segment, or stand at a
             reversal.
     """
-    raw = chain_pieces(course.segments)
-    rest, rounded = _sort_corners(course.corners, course.halts, raw)
-    corners = _find_corners_to_round(course.corners, raw, rounded)
+    known = known or sort_course(course)
+    raw, rest = known.raw, known.rest.copy()
+    corners = _find_corners_to_round(course.corners, raw, known.rounded)
     before, after = cut_backs(raw.curve, corners)
     long = 5.0 * corners.shape * np.minimum(before, after) >= SHORTEST
     rest[corners.waypoint[~long] - 1] = True

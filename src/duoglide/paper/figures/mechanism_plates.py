@@ -15,16 +15,12 @@ from duoglide.kinematics.solutions import ForwardSolution, forward_all, inverse_
 from duoglide.kinematics.workspace import Curve, CurveKind
 from duoglide.machine import Geometry, Machine
 from duoglide.paper.figures.plates import Plate, Solid
-from duoglide.paper.figures.robot import arrow, axes_cross, robot
+from duoglide.paper.figures.robot import KEY, arrow, axes_cross, robot
 from duoglide.paper.figures.scene import Label, View
 
 TABLE_2 = np.array([-111.24, 244.70, 246.92])  # measured, Section 2.3.4
 TABLE_3 = np.array([-80.39, 66.73, 307.23])
 ALL_ROUND = View(-128.0, 18.0)
-KEY = (
-    ("legs", "#0072b2"), ("coupler", "#56b4e9"), ("arm (parallelogram 1)", "#d55e00"),
-    ("strut (parallelogram 2)", "#009e73"), ("platform", "#4d4d4d"),
-)  # fmt: skip
 
 
 def example_carriages(geometry: Geometry) -> FloatArray:

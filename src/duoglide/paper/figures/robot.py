@@ -6,14 +6,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duoglide.arrays import FloatArray
+from duoglide.drawing.picture import COLOURS, LOST
 from duoglide.kinematics.modes import WORKING, WorkingMode
 from duoglide.kinematics.skeleton import joints
 from duoglide.machine import Geometry
 from duoglide.paper.figures.scene import Dot, Label, Line, Scene, Tube
 
-LEGS, ARM, STRUT = "#0072b2", "#d55e00", "#009e73"
-STEEL, PLATFORM, RAIL = "#9aa3ab", "#4d4d4d", "#c9ced2"
-FREE = "#cc0050"  # arrows of a free motion
+COUPLER, ARM = "#7d8891", "#cc79a7"
+PLATFORM, RAIL = "#4d4d4d", "#c9ced2"
+FREE = LOST  # arrows of a free motion
+KEY = (
+    *((f"carriage {i}", colour) for i, colour in enumerate(COLOURS, start=1)),
+    ("coupler", COUPLER),
+    ("arm (parallelogram 1)", ARM),
+    ("platform", PLATFORM),
+)
+"""What is which colour: a carriage has that of its post and of its leg, carriage 3 of the strut."""
 _BAR = 3.2  # points
 _HALF = 14.0  # [mm], half of a parallelogram's short side
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -53,16 +61,16 @@ def _rails(scene: Scene, g: Geometry, at: dict[str, FloatArray]) -> None:
         scene.add(Tube(ends[0], ends[1], RAIL, 4.5))
     for i in (1, 2, 3):
         foot, top = at[f"A{i}"], at[f"B{i}"]
-        scene.add(Tube(foot - 18.0 * _Y, foot + 18.0 * _Y, STEEL, 8.0))
-        scene.add(Tube(foot, top, STEEL, 4.0))
+        scene.add(Tube(foot - 18.0 * _Y, foot + 18.0 * _Y, COLOURS[i - 1], 8.0))
+        scene.add(Tube(foot, top, COLOURS[i - 1], 4.0))
 
 
 def _chain_a(scene: Scene, at: dict[str, FloatArray]) -> None:
     """Legs, coupler, riser, parallelogram 1 and platform."""
     for i in (1, 2):
-        scene.add(Tube(at[f"B{i}"], at[f"C{i}"], LEGS, _BAR))
-    scene.add(Tube(at["C1"], at["C2"], "#56b4e9", _BAR))
-    _bar(scene, at["D1"], at["D2"], "#56b4e9")
+        scene.add(Tube(at[f"B{i}"], at[f"C{i}"], COLOURS[i - 1], _BAR))
+    scene.add(Tube(at["C1"], at["C2"], COUPLER, _BAR))
+    _bar(scene, at["D1"], at["D2"], COUPLER)
     for end in ("D2", "E2"):
         scene.add(Tube(at[end] - _HALF * _X, at[end] + _HALF * _X, ARM, 2.2))
     for side in (-_HALF, _HALF):
@@ -76,9 +84,9 @@ def _chain_b(scene: Scene, at: dict[str, FloatArray]) -> None:
     """Parallelogram 2 between its two revolutes, and what hangs it under the platform."""
     _bar(scene, at["T"], at["C3"], PLATFORM)
     for end in ("B3", "C3"):
-        scene.add(Tube(at[end] - _HALF * _Y, at[end] + _HALF * _Y, STRUT, 2.2))
+        scene.add(Tube(at[end] - _HALF * _Y, at[end] + _HALF * _Y, COLOURS[2], 2.2))
     for side in (-_HALF, _HALF):
-        scene.add(Tube(at["B3"] + side * _Y, at["C3"] + side * _Y, STRUT, _BAR))
+        scene.add(Tube(at["B3"] + side * _Y, at["C3"] + side * _Y, COLOURS[2], _BAR))
         scene.add(*(Dot(at[end] + side * _Y, "#ffffff", 3.0) for end in ("B3", "C3")))
 
 

@@ -19,6 +19,7 @@ from duoglide.paper.figures.surfaces import (
     COLOURS,
     PARALLEL,
     SERIAL,
+    WORKSPACE,
     extruded,
     within_reach,
     workspace_curves,
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 ALONG = View(-68.0, 20.0)
 CORNER = View(-38.0, 24.0)
-WORKSPACE, _EDGE = "#4daf6a", "#2d7a45"
+_EDGE = "#4c5f6b"  # of the workspace
 SEARCH_BOX = ((-150.0, 150.0), (-200.0, 200.0), (380.0, 550.0))  # Section 4 of the paper
 XYZ = ("x [mm]", "y [mm]", "z [mm]")
 
@@ -170,7 +171,7 @@ def figure_11(geometry: Geometry) -> Plate:
             Flat(f"({letters[1]})  {what}, along y", partial(_front_surfaces, geometry, families))
         )
     caption = (
-        "The workspace (green) and the singular surfaces of the machine's own branch v = +1, as far"
+        "The workspace (grey) and the singular surfaces of the machine's own branch v = +1, as far"
         " as they border on reach. Serial ones are edges of reach; beyond legs flat and case 2 lie"
         " poses of other assembly modes (m = -1, n = -1), which the machine cannot enter: the"
         " workspace ends there, and holds no singular pose inside. In the paper the workspace is"

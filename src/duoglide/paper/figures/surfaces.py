@@ -13,14 +13,15 @@ from duoglide.kinematics.workspace import Constraints, Curve, CurveKind, columns
 from duoglide.machine import Geometry
 from duoglide.paper.figures.scene import Panels
 
-COLOURS = {
-    "legs vertical": "#e69f00",
-    "strut": "#56b4e9",
+COLOURS = {  # none that is a carriage's
+    "legs vertical": "#e3c000",
+    "strut": "#a6761d",
     "arm flat": "#5e3c99",
     "legs parallel": "#999999",
-    "legs flat": "#d55e00",
+    "legs flat": "#5b2c1a",
     "arm in line with strut (case 2)": "#cc0050",
 }
+WORKSPACE = "#8fa3b0"
 SERIAL = ("legs vertical", "strut", "arm flat")
 PARALLEL = ("legs flat", "arm in line with strut (case 2)")
 _POINTS = 121
@@ -128,7 +129,7 @@ def quads(grid: FloatArray) -> FloatArray:
     return cells.reshape(-1, 4, 3)
 
 
-def workspace_panels(geometry: Geometry, colour: str = "#4daf6a") -> Panels:
+def workspace_panels(geometry: Geometry, colour: str = WORKSPACE) -> Panels:
     """Return the surface of the workspace on finite rails: two ends along y, and its walls."""
     limits = Constraints(travel=geometry.rail_half_length)
     faces: list[FloatArray] = []

@@ -42,6 +42,7 @@ class BrakeReport:
     Attributes:
         clearance: Least distance to a singular surface or edge of reach while braking [mm]: a lower
             bound, certain between samples too; -inf where the links may come apart.
+        carriage_margin: Likewise, the least carriage margin [mm].
         room: Least of what is left of clearance, carriage margin, travel, order and keep-out
             distance [mm], a lower bound as well.
         quantity: Of which of them that is.
@@ -52,6 +53,7 @@ class BrakeReport:
     """
 
     clearance: float
+    carriage_margin: float
     room: float
     quantity: str
     time: float
@@ -166,6 +168,7 @@ class _Worst:
         unsafe = np.concatenate(self._unsafe) if self._unsafe else np.zeros((0, 2))
         return BrakeReport(
             clearance=self._least["clearance"] + self._motion.machine.clearance,
+            carriage_margin=self._least["carriage_margin"] + self._motion.machine.carriage_margin,
             room=self._room,
             quantity=self._quantity,
             time=self._time,

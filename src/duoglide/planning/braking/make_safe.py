@@ -16,6 +16,7 @@ from duoglide.planning.braking.blocks import Blocks
 from duoglide.planning.braking.carriage_bounds import CarriageBounds
 from duoglide.planning.braking.certificate import BrakeReport, brake_report, is_safe
 from duoglide.planning.compare import whole
+from duoglide.planning.force_limits import require_brakes
 from duoglide.planning.tolerances import NO_CAP
 
 Retime = Callable[[FloatArray, FloatArray], Motion]
@@ -78,6 +79,7 @@ def make_brake_safe(
 
     Raises:
         PathError: No speed is certain to be safe that is worth having.
+        LimitError: The drives have not the force to brake as quickly as they are told to.
     """
     motion, report = draft, brake_report(draft)
     longest = max(_CAPS.longest * draft.duration, _way_of(draft) / _CAPS.least_speed)
@@ -102,8 +104,11 @@ def make_brake_safe(
         brake_safe=True,
         duration_before_braking=cost,
         braking_clearance=report.clearance,
+        braking_carriage_margin=report.carriage_margin,
     )
-    return Motion(motion.path, motion.profile, report=told)
+    safe = Motion(motion.path, motion.profile, report=told)
+    require_brakes(safe)
+    return safe
 
 
 def brake_caps(

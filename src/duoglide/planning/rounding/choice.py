@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import exp, inf, isfinite, sqrt
+from math import exp, inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +24,9 @@ from duoglide.motion.path.segments import Line
 from duoglide.motion.rounding.blend import Blend
 from duoglide.motion.rounding.course import Course
 from duoglide.motion.rounding.cut_backs import EXACT
+from duoglide.motion.rounding.round_segments import sort_course
 from duoglide.planning.compare import less
+from duoglide.planning.rounding.deviation import measure_deviation
 from duoglide.planning.timing.span import Rough, estimate
 from duoglide.planning.timing.timed_curve import TimedCurve
 from duoglide.planning.tolerances import ALIKE
@@ -48,8 +50,6 @@ class _Looking(NamedTuple):
         flat: Share of the time; a parabola that bends less has no peak worth going to.
         cells: Of an estimate.
         corners: For more of them no trials are made.
-        coarse: Parts of a blend in which its nearest point is looked for.
-        golden: Steps of the golden section there: to 2e-4 of two parts.
     """
 
     usual: tuple[float, float] = -0.15, 0.5
@@ -65,12 +65,9 @@ class _Looking(NamedTuple):
     flat: float = 1e-5
     cells: int = 32
     corners: int = 40
-    coarse: int = 10
-    golden: int = 18
 
 
 _LOOK = _Looking()
-_GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,30 +141,7 @@ class _Corner:
 
     def _measure_deviation(self, before: float, after: float, shape: float) -> float:
         """Return how far the corner is from the blend of two lines [mm]."""
-        way = 5.0 * shape * min(before, after)
-
-        def at(u: float) -> float:
-            """Square of the distance at ``u``, by the blend's parts along both lines."""
-            v = 1.0 - u
-            fade, rise = v * v * v, u * u * u
-            x = fade * (before * (1.0 + u * (3.0 + 6.0 * u)) - way * u * (1.0 + 3.0 * u))
-            y = rise * (after * (1.0 + v * (3.0 + 6.0 * v)) - way * v * (1.0 + 3.0 * v))
-            return x * x + y * y - 2.0 * self.cosine * x * y
-
-        best = min(range(1, _LOOK.coarse), key=lambda k: at(k / _LOOK.coarse))
-        low, high = (best - 1) / _LOOK.coarse, (best + 1) / _LOOK.coarse
-        a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        at_a, at_b = at(a), at(b)
-        for _ in range(_LOOK.golden):
-            if at_a < at_b:
-                high, b, at_b = b, a, at_a
-                a = high - _GOLDEN * (high - low)
-                at_a = at(a)
-            else:
-                low, a, at_a = a, b, at_b
-                b = low + _GOLDEN * (high - low)
-                at_b = at(b)
-        return sqrt(min(at_a, at_b))
+        return float(measure_deviation(before, after, shape, self.cosine))
 
 
 def choose_blends(machine: Machine, path: Path, *, trials: bool = True) -> RoundedPath:
@@ -251,6 +225,7 @@ class _Search:
     def __init__(self, machine: Machine, plain: RoundedPath, corners: list[_Corner]) -> None:
         self._machine = machine
         self._plain = plain
+        self._sorted = sort_course(plain.course)
         self._corners = corners
         self._tried: dict[tuple[float, ...], tuple[float, RoundedPath]] = {}
         self._keys: dict[tuple[float, float], tuple[float, ...]] = {}
@@ -305,7 +280,7 @@ class _Search:
             )
             self._keys[point] = key
             if key not in self._tried:
-                rounded = round_again(self._plain.path, course)
+                rounded = round_again(self._plain.path, course, self._sorted)
                 self._tried[key] = self._estimate_path(rounded), rounded
         return self._tried[self._keys[point]][0]
 

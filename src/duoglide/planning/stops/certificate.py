@@ -16,16 +16,18 @@ rising rates have bounds of their own.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from duoglide.arrays import FloatArray
-from duoglide.motion.motion import Motion
+from duoglide.arrays import AXES, FloatArray
+from duoglide.machine import Machine
+from duoglide.motion.motion import Motion, State
 from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import TIME, Profile
 from duoglide.motion.stop_bounds import RateTable, StopBounds
 from duoglide.planning.compare import first_least, whole
+from duoglide.planning.force_limits import share_forces
 from duoglide.planning.stops.kernel import find_largest_slopes, find_windows
 from duoglide.planning.tolerances import CHUNK
 
@@ -50,14 +52,58 @@ class _Cells(NamedTuple):
     reserve: float = 0.02
 
 
+class Moving(Protocol):
+    """What is certified: a ``Motion``, or one that goes over into another."""
+
+    @property
+    def machine(self) -> Machine:
+        """Whose stop limits hold."""
+        ...
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        ...
+
+    def at(self, t: FloatArray) -> State:
+        """Return the states at times [s], shape (n,)."""
+        ...
+
+
+class Handover:
+    """A motion, and the one that takes over from it in motion.
+
+    Args:
+        before: Up to where the other one takes over.
+        after: Begins in the state in which ``before`` ends.
+    """
+
+    def __init__(self, before: Motion, after: Motion) -> None:
+        self.before, self.after = before, after
+        self.machine, self.duration = after.machine, before.duration + after.duration
+
+    def at(self, t: FloatArray) -> State:
+        """Return the states at times [s], shape (n,)."""
+        first = t < self.before.duration
+        one, other = self.before.at(t[first]), self.after.at(t[~first] - self.before.duration)
+        names = ("carriages", "velocity", "acceleration", "jerk")
+        rows = [np.empty((t.size, AXES)) for _ in names]
+        for name, row in zip(names, rows, strict=True):
+            row[first], row[~first] = getattr(one, name), getattr(other, name)
+        return State(*rows)
+
+
 _CELLS = _Cells()
+_WHOLE = np.array([[1.0] * 3, [np.inf] * 3])  # of each force limit, and no limit of its change
 _SHAPES = np.array([1.0, 0.5, 0.2])  # rho
 _LEVELS = 1.0 - np.linspace(np.sqrt(0.5), 0.0, 25) ** 2  # cells of r, even in what r' may be;
 # below 1/2 every term is smaller than at 1/2
 
 
-def certify_stops(motion: Motion) -> StopBounds:
+def certify_stops(motion: Moving) -> StopBounds:
     """Return the certified bounds of any change of the path rate along ``motion``.
+
+    Of a ``Handover`` these are also the changes that begin before the seam and end after it.
 
     Where the plan itself uses nearly all of ``machine.stop_limits``, the bounds leave a change
     2 % of each limit all the same, so that every plan can be stopped: with the default reserve of
@@ -97,13 +143,13 @@ def _prolong(motion: Motion, duration: float) -> Motion:
     return Motion(motion.path, Profile.join([profile, Profile.rest(profile.end, seconds)]))
 
 
-def _choose_cell_length(motion: Motion) -> float:
+def _choose_cell_length(motion: Moving) -> float:
     """Return how long a cell of path time lasts, at most [s]."""
     least = _estimate_stop(motion) / _CELLS.per_stop
     return max(_CELLS.shortest, motion.duration / _CELLS.most, least)
 
 
-def _estimate_stop(motion: Motion) -> float:
+def _estimate_stop(motion: Moving) -> float:
     """Return how long the fastest carriage alone would need to stop [s], about."""
     limits = motion.machine.stop_limits
     speeds = np.abs(motion.at(np.linspace(0.0, motion.duration, 101)).velocity)
@@ -111,19 +157,23 @@ def _estimate_stop(motion: Motion) -> float:
     return float(np.where(v > a * (a / j), v / a + a / j, 2.0 * np.sqrt(v / j)).max())
 
 
-def _find_slopes(motion: Motion, cells: int) -> FloatArray:
+def _find_slopes(motion: Moving, cells: int) -> FloatArray:
     """Return the largest R1 of each shape and cell, falling and rising, (2, shapes, cells)."""
     allowed = motion.machine.stop_limits
     limits = np.stack([allowed.acceleration, allowed.jerk])
     share = np.minimum(1.0, np.sqrt(2.0 * (1.0 - _LEVELS[:-1]) / _SHAPES[:, None]))
     both = np.empty((2, _SHAPES.size, cells))
+    limited = bool(np.isfinite(allowed.force).any())
     for begin in range(0, cells, CHUNK):
         part = slice(begin, min(begin + CHUNK, cells))
         peaks = _bound_peaks(motion, cells, part)
+        forces = _bound_forces(motion, cells, part) if limited else None
         for k, rho in enumerate(_SHAPES.tolist()):
             found = np.full((2, peaks.shape[2]), _CELLS.slope)
             levels = _LEVELS[1:], share[k]
             find_largest_slopes(peaks, (limits, _CELLS.reserve * limits), levels, rho, found)
+            if forces is not None:
+                find_largest_slopes(forces, (_WHOLE, _CELLS.reserve * _WHOLE), levels, rho, found)
             both[:, k, part] = found
     return both
 
@@ -137,7 +187,7 @@ def _choose_shapes(allowed: FloatArray, duration: float) -> RateTable:
     return RateTable(chosen, chosen**2 / _SHAPES[best], until[best, columns])
 
 
-def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
+def _bound_peaks(motion: Moving, cells: int, part: slice) -> FloatArray:
     """Bound velocity, acceleration and jerk in some of the cells, each sign by itself.
 
     The first two are rigorous: between samples they change at most by the next one's peak times
@@ -148,8 +198,7 @@ def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     Returns:
         Largest positive and largest negative values, both as amounts, shape (2, 3, n, 3).
     """
-    step = motion.duration / (cells * _CELLS.samples)
-    times = np.arange(part.start * _CELLS.samples - 1, part.stop * _CELLS.samples + 2) * step
+    times, step = _sample_cells(motion, cells, part)
     state = motion.at(np.clip(times, 0.0, motion.duration))
     one = np.stack([state.velocity, state.acceleration, state.jerk])
     signed = np.stack([one, -one])
@@ -157,15 +206,47 @@ def _bound_peaks(motion: Motion, cells: int, part: slice) -> FloatArray:
     jumps = bool(np.isinf(motion.machine.limits.jerk).any())
     if jumps:
         between[:, 1] = _find_extremes(motion, np.clip(times, 0.0, motion.duration))
-    wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
-    peaks: FloatArray = wide.reshape(2, 3, -1, _CELLS.samples, 3).max(axis=3)
+    peaks = _gather(between)
     if not jumps:
         peaks[:, 1] += 0.5 * step * peaks[:, 2].max(axis=0)
     peaks[:, 0] += 0.5 * step * peaks[:, 1].max(axis=0)
     return np.maximum(peaks, 0.0)
 
 
-def _find_extremes(motion: Motion, times: FloatArray) -> FloatArray:
+def _bound_forces(motion: Moving, cells: int, part: slice) -> FloatArray:
+    """Take the largest shares of ``stop_limits.force`` in some of the cells, each sign by itself.
+
+    They follow the same law as accelerations: what a change of the pace adds stands for velocity,
+    what the motion itself takes for acceleration, and nothing for jerk. Each is the largest sample
+    of a cell and of one sample to each side.
+
+    Returns:
+        As ``_bound_peaks``.
+    """
+    times, _ = _sample_cells(motion, cells, part)
+    states = motion.at(np.clip(times, 0.0, motion.duration))
+    signed = share_forces(motion.machine, states)
+    peaks = _gather(np.maximum(signed[:, :, 1:], signed[:, :, :-1]))
+    whole_peaks = np.concatenate([peaks, np.zeros_like(peaks[:, :1])], axis=1)
+    return whole_peaks.clip(0.0)
+
+
+def _sample_cells(motion: Moving, cells: int, part: slice) -> tuple[FloatArray, float]:
+    """Return times in some of the cells and one beside them, and how far they are apart [s]."""
+    step = motion.duration / (cells * _CELLS.samples)
+    times = np.arange(part.start * _CELLS.samples - 1, part.stop * _CELLS.samples + 2) * step
+    return times, step
+
+
+def _gather(between: FloatArray) -> FloatArray:
+    """Return the largest of what is between the samples of each cell and one to each side."""
+    wide = np.maximum(np.maximum(between[:, :, :-2], between[:, :, 1:-1]), between[:, :, 2:])
+    signs, kinds = wide.shape[:2]
+    peaks: FloatArray = wide.reshape(signs, kinds, -1, _CELLS.samples, 3).max(axis=3)
+    return peaks
+
+
+def _find_extremes(motion: Moving, times: FloatArray) -> FloatArray:
     """Return the largest accelerations between times, and the largest of the other sign.
 
     Between two knots, an acceleration is off its chord by an eighth of the step times the change
@@ -174,8 +255,7 @@ def _find_extremes(motion: Motion, times: FloatArray) -> FloatArray:
     Returns:
         Shape (2, n - 1, 3); -inf where two times are the same.
     """
-    path = motion.path
-    knots = path.breaks if isinstance(path, TransferPath) else motion.profile.knots[:, TIME]
+    knots = _find_knots(motion)
     inside = knots[(knots > times[0]) & (knots < times[-1])]
     fine = np.union1d(times, inside)
     after, before = motion.at(fine), motion.at(np.nextafter(fine, 0.0))
@@ -187,6 +267,16 @@ def _find_extremes(motion: Motion, times: FloatArray) -> FloatArray:
     found: FloatArray = np.maximum.reduceat(tops, begin, axis=1)
     found[:, begin == end] = -np.inf
     return found
+
+
+def _find_knots(motion: Moving) -> FloatArray:
+    """Return the times where the acceleration may bend [s], shape (n,)."""
+    if isinstance(motion, Handover):
+        later = _find_knots(motion.after) + motion.before.duration
+        return np.concatenate([_find_knots(motion.before), later])
+    assert isinstance(motion, Motion)
+    path = motion.path
+    return path.breaks if isinstance(path, TransferPath) else motion.profile.knots[:, TIME]
 
 
 def _allow_in_windows(largest: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:

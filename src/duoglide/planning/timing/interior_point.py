@@ -193,10 +193,12 @@ def assemble(system: Any, goal: Any, iterate: Any, newton: Any, dual: FloatArray
         s = state[1, r]
         z = state[2, r]
         residual = gx[r] + s - bounds[r]
+        inverse = 1.0 / s
         state[0, r] = residual
+        state[5, r] = inverse
         gap += s * z
         primal = max(primal, abs(residual))
-        curvature = z / s
+        curvature = z * inverse
         for i in range(WIDTH):
             k = first[r] + i
             dual[k] += z * rows[r, i]
@@ -216,7 +218,7 @@ def find_direction(system: Any, state: FloatArray, newton: Any, target: float, s
     """Solve for one step, of dx and of the slacks and multipliers in ``state``.
 
     ``state`` holds, a row each: residual of the constraint, slack, multiplier, step of the slack,
-    step of the multiplier. The first step is the predictor; the second one corrects it.
+    step of the multiplier, 1 / slack. The first step is the predictor; the second corrects it.
 
     Returns:
         How far the slacks and the multipliers can go until one of them is zero, at most 1, and
@@ -230,7 +232,7 @@ def find_direction(system: Any, state: FloatArray, newton: Any, target: float, s
         pull = state[2, r] * state[0, r] + target
         if second:
             pull -= state[3, r] * state[4, r]
-        pull /= state[1, r]
+        pull *= state[5, r]
         for j in range(WIDTH):
             dx[first[r] + j] -= pull * rows[r, j]
     back_solve(band, dx)
@@ -242,9 +244,10 @@ def find_direction(system: Any, state: FloatArray, newton: Any, target: float, s
         move = -state[0, r]
         for j in range(WIDTH):
             move -= rows[r, j] * dx[first[r] + j]
-        change = target / s - z * (1.0 + move / s)
+        aim = target - z * move
         if second:
-            change -= state[3, r] * state[4, r] / s
+            aim -= state[3, r] * state[4, r]
+        change = aim * state[5, r] - z
         state[3, r] = move
         state[4, r] = change
         if -move * go_s > s:
@@ -289,6 +292,13 @@ def measure_excess(rows: Rows, x: FloatArray) -> float:
     return float((product[above] / rows.bounds[above]).max(initial=0.0))
 
 
+def pick_rows(rows: Rows, x: FloatArray, slack: float) -> NDArray[np.bool_]:
+    """Tell which rows have less than ``slack`` left at ``x``, (m,)."""
+    product = np.empty(rows.bounds.size)
+    multiply(rows.first, rows.factors, x, product)
+    return np.asarray(rows.bounds - product < slack)
+
+
 def _begin(rows: Rows, goal: Goal, iterate: Any, least: float, share: float) -> None:
     """Choose slacks, ``least`` or more, and multipliers: the gap is a share of the cost."""
     x, value, gx, state = iterate
@@ -317,27 +327,36 @@ def solve(
         Number of steps, and whether the tolerance was reached.
     """
     n, m = x.size, rows.bounds.size
-    state = np.zeros((5, m))
-    iterate = (x, np.empty(goal.weights.size), np.empty(m), state)
-    band, step = np.empty((WIDTH, n)), np.empty(n)
-    newton = (band, np.empty(n), step)
-    dual = np.empty(n)
+    iterate = (x, np.empty(goal.weights.size), np.empty(m), np.zeros((6, m)))
+    newton = (np.empty((WIDTH, n)), np.empty(n), np.empty(n))
     share = _STEP.rough_gap if tolerance >= _STEP.rough else _STEP.first_gap
     _begin(rows, goal, iterate, least, share)
-    system, cost = tuple(rows), tuple(goal)  # numba takes 1 us longer to tell a named tuple
+    # plain tuples: numba takes longer to tell a named one
+    count, converged = take_steps(tuple(rows), tuple(goal), iterate, newton, tolerance)
+    return count, bool(converged)
+
+
+@compiled
+def take_steps(system: Any, goal: Any, iterate: Any, newton: Any, tolerance: float) -> Any:
+    """Step from what ``_begin`` chose until the tolerance is reached; see ``solve``."""
+    state = iterate[3]
+    band, _gradient, step = newton
+    m = state.shape[1]
+    dual = np.empty(step.size)
+    diagonal = np.empty(step.size)
     for count in range(_STEP.steps):
-        now, gap, slope, primal = assemble(system, cost, iterate, newton, dual)
+        now, gap, slope, primal = assemble(system, goal, iterate, newton, dual)
         if gap <= tolerance * now and slope <= _STEP.stationary * now and primal <= _STEP.feasible:
             return count, True
-        if not factor(band, band[0].copy()):
+        diagonal[:] = band[0]
+        if not factor(band, diagonal):
             return count, False
         _go_s, _go_z, ahead = find_direction(system, state, newton, 0.0, False)
         target = gap / m * (ahead / gap) ** 3
         go_s, go_z, _ahead = find_direction(system, state, newton, target, True)
         if min(go_s, go_z) < _STEP.short:  # the correction does more harm than good: only centre
-            go_s, go_z, _ahead = find_direction(
-                system, state, newton, _STEP.centre * gap / m, False
-            )
+            target = _STEP.centre * gap / m
+            go_s, go_z, _ahead = find_direction(system, state, newton, target, False)
         go = min(1.0, _STEP.back * go_s), min(1.0, _STEP.back * go_z)
-        advance(system, cost, iterate, step, go)
+        advance(system, goal, iterate, step, go)
     return _STEP.steps, False

@@ -17,7 +17,6 @@ import numpy as np
 
 from duoglide.arrays import FloatArray
 from duoglide.errors import LimitError
-from duoglide.machine import CarriageLimits
 from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.profile import ACCELERATION, SIGMA, SPEED, TIME, Profile
 from duoglide.planning.timing.ask_ruckig import End, Start, ask_ruckig
@@ -189,7 +188,9 @@ def lower_limits(timed: TimedCurve, ahead: float) -> TimedCurve:
     """
     share = 1.0 / (1.0 + ALLOWED)
     limits = timed.machine.limits
-    lower = CarriageLimits(
+    lower = replace(
+        limits,
+        force=limits.force * share**2,
         velocity=limits.velocity * share,
         acceleration=limits.acceleration * share**2,
         jerk=limits.jerk * share**3,

@@ -12,10 +12,20 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.kinematics.compiled import compiled, inlined, share
 from duoglide.kinematics.derivatives import carriage_jets, root_jet
+from duoglide.kinematics.dynamics.constants import MassConstants
+from duoglide.kinematics.dynamics.dynamics import register_dynamics
+from duoglide.kinematics.dynamics.kernels import (
+    carriage_rates,
+    distribute_pose,
+    inertia_pose,
+    levers_pose,
+    weight_pose,
+)
 from duoglide.motion.curve.jets import evaluate_arc, evaluate_polynomial
 from duoglide.motion.profile import quintic
 
 # Called instead of inlined, they would take half as long again.
+register_dynamics()
 share(root_jet, carriage_jets, quintic, evaluate_arc, evaluate_polynomial, inline=True)
 
 
@@ -80,6 +90,46 @@ def carriage_motion(
             out[i, 1, j] = q[1, j] * a + q[2, j] * v * v
             out[i, 2, j] = q[1, j] * motion[i, 3] + (3.0 * q[2, j] * a + q[3, j] * v * v) * v
     return -1
+
+
+@compiled
+def force_motion(curve: Any, machine: Any, motion: FloatArray, piece: Any, out: FloatArray) -> None:
+    """Find the parts of the carriages' forces, friction aside, at points within reach.
+
+    Args:
+        curve: Breaks, spans, rates and coefficients, as in ``Curve``.
+        machine: Constants as ``pose_constants`` gives them; ``MassConstants`` as a plain tuple,
+            without the payload; and the payload of each row, (n,).
+        motion: Sigma and its three time derivatives, (n, 4).
+        piece: Piece of the curve that each belongs to, (n,).
+        out: Force for each unit by which the time of the motion is made to accelerate, that of the
+            motion itself, what holds it at rest [N], and the velocity [mm/s], (n, 4, 3).
+    """
+    breaks, spans, rates, coefficients = curve
+    constants, plain, payload = machine
+    none = (0.0, 0.0, 0.0)
+    r = np.empty((4, 3))
+    for i in range(piece.size):
+        k = piece[i]
+        point(motion[i, 0] - breaks[k], spans[k], rates[k], coefficients[k], r)
+        m = MassConstants(*(*plain, payload[i]))
+        v = motion[i, 1]
+        a = motion[i, 2]
+        first = (r[1, 0] * v, r[1, 1] * v, r[1, 2] * v)
+        second = (
+            r[1, 0] * a + r[2, 0] * v * v,
+            r[1, 1] * a + r[2, 1] * v * v,
+            r[1, 2] * a + r[2, 2] * v * v,
+        )
+        at = levers_pose(r[0, 0], r[0, 2], constants)
+        moved = distribute_pose(at, inertia_pose(at, none, first, constants, m), constants)
+        bent = distribute_pose(at, inertia_pose(at, first, second, constants, m), constants)
+        held = distribute_pose(at, weight_pose(at, m), constants)
+        speed = carriage_rates(at, first, constants)
+        out[i, 0, 0], out[i, 0, 1], out[i, 0, 2] = moved
+        out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = bent
+        out[i, 2, 0], out[i, 2, 1], out[i, 2, 2] = held
+        out[i, 3, 0], out[i, 3, 1], out[i, 3, 2] = speed
 
 
 @compiled

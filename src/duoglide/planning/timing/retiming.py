@@ -91,6 +91,7 @@ class RetimingProblem:
         speed: See ``rows.make_limit_rows``.
         acceleration: See there.
         jerk: See there.
+        force: See there.
         from_rest: Whether the motion begins at rest; else it begins as ``base`` does.
     """
 
@@ -99,6 +100,7 @@ class RetimingProblem:
     speed: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    force: FloatArray
     from_rest: bool = True
 
     @classmethod
@@ -114,15 +116,18 @@ class RetimingProblem:
             acceleration = np.concatenate([acceleration, motion.caps.rows], axis=2)
         jerk = np.ascontiguousarray(terms / timed.limits[2, :, None])
         delta = np.diff(base.knots[:, TIME])
-        return cls(base, delta, speed, np.ascontiguousarray(acceleration), jerk)
+        force = np.empty((*speed.shape, 0, 3)) if motion.forces is None else motion.forces.rows
+        return cls(base, delta, speed, np.ascontiguousarray(acceleration), jerk, force)
 
     def uniform(self) -> Retiming:
         """Return the quickest retiming by one factor that is feasible at the nodes."""
         v = self.speed.max()
         a = np.abs(self.acceleration[..., 1]).max()
         j = np.abs(self.jerk[..., 2]).max()
+        f = self.force[..., 1:].clip(0.0).sum(axis=-1).max(initial=0.0)
         count = self.delta.size + 1
-        return Retiming(np.full(count, 1.0 / max(v, a, np.cbrt(j) ** 2)), np.zeros(count))
+        most = max(v, a, np.cbrt(j) ** 2, f, f * f)
+        return Retiming(np.full(count, 1.0 / most), np.zeros(count))
 
     def follow(self, motion: Profile) -> Retiming:
         """Return the retiming with the speeds of a motion, where one node's jerk allows them.
@@ -166,7 +171,7 @@ class RetimingProblem:
         return now
 
     def _solve(self, start: Retiming, tolerance: float) -> Retiming:
-        limits = Limits(self.delta, self.speed, self.acceleration, self.jerk)
+        limits = Limits(self.delta, self.speed, self.acceleration, self.jerk, self.force)
         found = solve(limits, Nodes(start.alpha, start.beta), tolerance, self.from_rest)
         return Retiming(*found.nodes, found.converged, found.kept)
 
@@ -174,16 +179,20 @@ class RetimingProblem:
         """Return this problem with the limits lowered where a solution overshoots them.
 
         Args:
-            use: Largest use of each limit in each cell, as ``CellMotion.uses``, (n, 3, rows).
+            use: Largest use of each limit in each cell, as ``CellMotion.uses``, (n, 3 or 4, rows).
         """
+        force = self.force
         over = _at_points(np.maximum(use, 1.0))
         rows = self.acceleration.shape[2]
         acceleration = over[:, :, 1, :]
         if rows > acceleration.shape[2]:  # the tool's polygon
             tool = np.repeat(acceleration[..., 3:], rows - 3, axis=2)
             acceleration = np.concatenate([acceleration[..., :3], tool], axis=2)
+        if force.size:
+            force = force * np.tile(over[:, :, 3, :3], 2)[..., None]
         return replace(
             self,
+            force=force,
             speed=self.speed * over[:, :, 0].max(axis=-1) ** 2,
             acceleration=self.acceleration * acceleration[..., :rows, None],
             jerk=self.jerk * over[:, :, 2, :3, None],
@@ -203,10 +212,10 @@ def _at_points(over: FloatArray) -> FloatArray:
     """Spread what each cell asks for to its points; a node takes the more from its two cells.
 
     Args:
-        over: Of each cell, (n, 3, rows).
+        over: Of each cell, (n, limits, rows).
 
     Returns:
-        The same at the points of the cells, (n, points, 3, rows).
+        The same at the points of the cells, (n, points, limits, rows).
     """
     result = np.repeat(over[:, None], POINTS, axis=1)
     node = np.maximum(over[1:], over[:-1])

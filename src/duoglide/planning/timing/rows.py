@@ -39,11 +39,13 @@ def make_limit_rows(
         limits: At each point of each cell: alpha is at most 1 / limits[0], (n, 3); factors of beta
             and alpha in each acceleration, which is within +-1, (n, 3, rows, 2); factors of
             d beta/d theta, 3 beta and alpha in each jerk, which times sqrt(alpha) is within +-1,
-            (n, 3, rows, 3).
-        tangent: alpha at which 1 / sqrt(alpha) is replaced by its tangent, (n, 3).
+            (n, 3, rows, 3); factors of beta, alpha and sqrt(alpha) in each force along one
+            direction, which is at most 1, (n, 3, rows, 3).
+        tangent: alpha at which 1 / sqrt(alpha) and sqrt(alpha) are replaced by their tangents,
+            (n, 3).
     """
-    _speed, acceleration, jerk = limits
-    nodes = 1 + 2 * acceleration.shape[2]
+    _speed, acceleration, jerk, force = limits
+    nodes = 1 + 2 * acceleration.shape[2] + force.shape[2]
     count = delta.size * (4 + 2 * nodes + 2 * POINTS * jerk.shape[2]) + nodes
     rows = Rows(np.empty(count, dtype=np.int64), np.empty((count, WIDTH)), np.empty(count))
     fill_limits((delta, unit), limits, tangent, np.zeros((POINTS, 3, WIDTH)), tuple(rows))
@@ -164,7 +166,7 @@ def fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, ou
         out: The rows.
     """
     delta, unit = cells
-    speed, acceleration, jerk = limits
+    speed, acceleration, jerk, force = limits
     first, rows, bounds = out
     r = 0
     for k in range(delta.size):
@@ -182,6 +184,7 @@ def fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, ou
             bounds[r + 1] = 1.0
             r += 2
         for p in range(POINTS):
+            root = sqrt(tangent[k, p])
             if p < 2 or k == delta.size - 1:  # elsewhere this is the next cell's first point
                 pace = speed[k, p]
                 if p == 0 and k > 0:  # a cap may end here: the node belongs to both cells
@@ -196,7 +199,13 @@ def fill_limits(cells: Any, limits: Any, tangent: FloatArray, at: FloatArray, ou
                     bounds[r] = 1.0
                     bounds[r + 1] = 1.0
                     r += 2
-            root = sqrt(tangent[k, p])
+                for i in range(force.shape[2]):
+                    slowed = 0.5 * force[k, p, i, 2]  # sqrt(alpha) at most (root + alpha / root)/2
+                    by_alpha = force[k, p, i, 1] + slowed / root
+                    for j in range(WIDTH):
+                        rows[r, j] = by_alpha * at[p, 0, j] + force[k, p, i, 0] * at[p, 1, j]
+                    bounds[r] = 1.0 - slowed * root
+                    r += 1
             for i in range(jerk.shape[2]):
                 third = root * jerk[k, p, i, 0]
                 factors = root * jerk[k, p, i, 2], 3.0 * root * jerk[k, p, i, 1], third

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from duoglide.arrays import FloatArray
 from duoglide.planning.timing import interior_point
-from duoglide.planning.timing.interior_point import Rows
+from duoglide.planning.timing.interior_point import Goal, Rows
 from duoglide.planning.timing.rows import make_duration_points, make_limit_rows, replace_unknowns
 
 WINDOW = 320  # cells
@@ -36,6 +36,11 @@ class _Windows(NamedTuple):
             place would slow all of it, and the solver would begin far from where it ends.
         far_slack: Slack with which rows that are exceeded then begin.
         enough: Share of the windows that must converge, or the sweep has failed.
+        close: A row with less than this left, of about 1, holds the motion back.
+        held: So many such rows for each node show that the start is near the solution.
+        idle: There a row with more than this left is left out: most limits hold nowhere near, and
+            each row costs its time in every step.
+        broken: If a solution exceeds any row by more than this, it is found again with all rows.
     """
 
     shrinks: tuple[float, ...] = (0.95, 0.7, 0.45)
@@ -43,13 +48,13 @@ class _Windows(NamedTuple):
     far: float = 2.0
     far_slack: float = 0.1
     enough: float = 0.5
+    close: float = 0.1
+    held: float = 1.2
+    idle: float = 0.7
+    broken: float = 3e-3
 
 
 _WINDOWS = _Windows()
-
-
-# the solver fails from near the bounds, it begins again farther from them
-# would slow all of it, and the solver would begin far from where it ends.
 
 
 class Nodes(NamedTuple):
@@ -74,6 +79,7 @@ class Limits(NamedTuple):
     speed: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    force: FloatArray
 
     def window(self, low: int, high: int) -> Limits:
         """Return the cells from ``low`` to before ``high``."""
@@ -176,21 +182,40 @@ def _solve_window(
     ties = _find_ties(x, at_rest)
     goal = goal._replace(offsets=replace_unknowns(goal.first, goal.points, ties))
     np.subtract(rows.bounds, replace_unknowns(rows.first, rows.factors, ties), out=rows.bounds)
-    shrinks, slack = [1.0], interior_point.LEAST_SLACK
+    shrinks, slack, known = [1.0], interior_point.LEAST_SLACK, True
     if all(at_rest):
         over = interior_point.measure_excess(rows, x)
         x /= min(max(1.0, over), _WINDOWS.far)
         slack = _WINDOWS.far_slack if over > _WINDOWS.far else slack
+        known = over <= 1.0 + _WINDOWS.broken
         shrinks = list(_WINDOWS.shrinks)
     else:
         rows.bounds[~rows.factors.any(axis=1)] = 1.0  # nothing is left to decide there
     inside, converged = x, False
     while shrinks and not converged:
-        x = inside * shrinks.pop(0)
-        _steps, converged = interior_point.solve(rows, goal, x, tolerance, slack)
+        shrink = shrinks.pop(0)
+        x = inside * shrink
+        converged = known and _solve_near_rows(rows, goal, x, tolerance)
+        if not converged:
+            x[:] = inside * shrink
+            _steps, converged = interior_point.solve(rows, goal, x, tolerance, slack)
     for unknown, by, value in ties:
         x[unknown] = x[by] if by >= 0 else value
     return Nodes(x[0::2].copy(), x[1::2] / unit), bool(converged)
+
+
+def _solve_near_rows(rows: Rows, goal: Goal, x: FloatArray, tolerance: float) -> bool:
+    """Solve in place with the rows that are near their bounds, and tell whether that is enough.
+
+    It is only tried from near a solution, which has about two rows at their bounds for each node.
+    """
+    if interior_point.pick_rows(rows, x, _WINDOWS.close).sum() < _WINDOWS.held * (x.size // 2):
+        return False
+    near = interior_point.pick_rows(rows, x, _WINDOWS.idle)
+    some = Rows(rows.first[near], rows.factors[near], rows.bounds[near])
+    _steps, converged = interior_point.solve(some, goal, x, tolerance)
+    broken = interior_point.pick_rows(rows, x, -_WINDOWS.broken)
+    return converged and not broken.any()
 
 
 def _find_ties(x: FloatArray, at_rest: tuple[bool, bool]) -> list[tuple[int, int, float]]:

@@ -14,6 +14,7 @@ from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.path import Path, as_timing
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
+from duoglide.planning.force_limits import keep_rms, require_hold
 from duoglide.planning.timing.lead import Lead, lower_limits
 from duoglide.planning.timing.moving import time_moving
 from duoglide.planning.timing.span import Effort, Span, time_span
@@ -41,13 +42,33 @@ def time_path(
 
     Raises:
         LimitError: No motion was found, or none that begins like ``lead``.
+        PathError: There is a pose that cannot be held within the force limits.
     """
     effort = effort or Effort()
+    require_hold(path)
     timed = TimedCurve.of(path)
     if lead is not None:
         timed = lower_limits(timed, lead.ahead)
     if sigma_cap is not None:
         timed = timed.limit_speed(sigma_cap)
+    motion = _time_curve(path, timed, effort, progress, lead)
+    if lead is not None:  # it is part of a longer one
+        return motion
+
+    def retime(share: float) -> Motion:
+        return _time_curve(path, timed.at_share(share), effort, None, None)
+
+    return keep_rms(motion, retime)
+
+
+def _time_curve(
+    path: CarriagePath,
+    timed: TimedCurve,
+    effort: Effort,
+    progress: Progress | None,
+    lead: Lead | None,
+) -> Motion:
+    """Time a curve from rest to rest, with its dwells."""
     rests = [0.0, *path.curve.rests, path.curve.end]
     dwells = {
         rest: [a.seconds for s, a in path.checked.actions if s == rest and isinstance(a, Dwell)]

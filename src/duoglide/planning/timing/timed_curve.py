@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duoglide.arrays import FloatArray
+from duoglide.arrays import BoolArray, FloatArray
 from duoglide.errors import UnreachableError
 from duoglide.kinematics.constants import PoseConstants, pose_constants
+from duoglide.kinematics.dynamics.constants import MassConstants, mass_constants
 from duoglide.kinematics.modes import WORKING
 from duoglide.machine import Machine
 from duoglide.motion.curve.curve import Curve
@@ -20,6 +21,7 @@ from duoglide.motion.path.carriage import CarriagePath
 from duoglide.motion.path.rounded import SpeedCap
 from duoglide.motion.profile import SIGMA, Profile
 from duoglide.motion.rounding.round_segments import SMOOTH
+from duoglide.planning.force_limits import LEFT, limits_force, square_of_stretch
 from duoglide.planning.timing import motion_kernel
 from duoglide.planning.tolerances import NANOMETRE, NO_CAP
 
@@ -79,6 +81,16 @@ class TimedCurve:
         """Return this with a cap on d sigma/dt."""
         return replace(self, sigma_cap=cap)
 
+    def at_share(self, share: float) -> TimedCurve:
+        """Return this with a share of all accelerations, and jerks to fit."""
+        limits = self.machine.limits
+        lower = replace(
+            limits,
+            acceleration=limits.acceleration * share,
+            jerk=limits.jerk * share**1.5,
+        )
+        return replace(self, machine=replace(self.machine, limits=lower))
+
     def soften_limits(self, rate: float) -> TimedCurve:
         """Return this with limits of acceleration and jerk that take at least 1 / ``rate`` [s]."""
         return replace(self, rate=rate)
@@ -123,6 +135,10 @@ class TimedCurve:
     def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         curve = self.curve
         return curve.breaks, curve.spans, curve.rates, curve.coefficients
+
+    @cached_property
+    def _masses(self) -> MassConstants:
+        return mass_constants(self.machine)
 
     @cached_property
     def _constants(self) -> PoseConstants:
@@ -195,6 +211,58 @@ class TimedCurve:
         rows = np.einsum("...ij,...jk->...ik", sides, np.stack([first, second], axis=-1))
         return CapUse(use, np.linalg.norm(second, axis=-1), rows / _INNER)
 
+    @property
+    def limits_force(self) -> bool:
+        """Whether the force of any carriage is limited."""
+        return limits_force(self.machine)
+
+    def force_parts(self, motion: FloatArray, piece: Any) -> FloatArray:
+        """Return the parts of the forces: see ``motion_kernel.force_motion``.
+
+        Args:
+            motion: Sigma and its three time derivatives, shape (..., 4).
+            piece: Piece of the curve that each belongs to, shape (...).
+
+        Returns:
+            Shape (..., 4, 3), carriages last.
+        """
+        shape = motion.shape[:-1]
+        parts = np.empty((*shape, 4, 3))
+        rows = np.ascontiguousarray(motion).reshape(-1, 4)
+        pieces = np.array(np.broadcast_to(piece, shape)).ravel()
+        masses = self._masses
+        payload = np.full(len(rows), masses.payload)
+        motion_kernel.force_motion(
+            self._arrays,
+            (self._constants, tuple(masses)[:-1], payload),
+            rows,
+            pieces,
+            parts.reshape(-1, 4, 3),
+        )
+        return parts
+
+    def forces(self, motion: FloatArray, piece: Any) -> ForceUse:
+        """Return what the motion asks of the force limits.
+
+        Args:
+            motion: Sigma and its three time derivatives, shape (n, points, 4).
+            piece: Piece of the curve that each belongs to, shape (n, points).
+        """
+        parts = self.force_parts(motion, piece)
+        by_rate, by_square, held, speed = (parts[..., k, :] for k in range(4))
+        m, limit = self._masses, self.machine.limits.force
+        dry, viscous = np.array([m.c1, m.c2, m.c3]), speed * (m.d1, m.d2, m.d3)
+        if self.ahead < self.curve.end:
+            reserve = np.where(motion[..., 0] > self.ahead, RESERVED[1, 0], 1.0)[..., None]
+            by_rate, by_square, viscous = by_rate * reserve, by_square * reserve, viscous * reserve
+        uses, rows = [], []
+        for sign in (1.0, -1.0):
+            against = np.where(_reach_beside(sign * speed > 0.0), dry, -dry)
+            room = np.maximum(limit - sign * held - against, LEFT * limit)
+            uses.append(square_of_stretch(sign * by_square / room, sign * viscous / room))
+            rows.append(sign * np.stack([by_rate, by_square, viscous], axis=-1) / room[..., None])
+        return ForceUse(np.maximum(*uses), np.concatenate(rows, axis=2))
+
     def _tool_speed(self, sigma: FloatArray) -> FloatArray:
         result = np.full(sigma.shape, NO_CAP)
         for cap in self.speed_caps:  # in order, and sigma ascends
@@ -213,6 +281,19 @@ class TimedCurve:
         """Return the index of the curve's piece that holds each sigma; at a break the later one."""
         inside = np.searchsorted(self.curve.breaks, sigma, side="right") - 1
         return np.clip(inside, 0, self.curve.count - 1)
+
+
+def _reach_beside(there: BoolArray) -> BoolArray:
+    """Whether something is so at each point or the one beside it: it may turn between two.
+
+    Args:
+        there: Of the points of cells, (n, points, ...); a cell begins where the one before ends.
+    """
+    result = there.copy()
+    result[:, 1:] |= there[:, :-1]
+    result[:, :-1] |= there[:, 1:]
+    result[1:, 0] |= result[:-1, -1]
+    return result
 
 
 def _polygon(tangent: FloatArray, bend: FloatArray) -> FloatArray:
@@ -243,28 +324,53 @@ class CapUse:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ForceUse:
+    """Use of the force limits by a motion; each over the force that weight and dry friction leave.
+
+    Attributes:
+        use: The larger one of both directions, as the square of the factor of all times with which
+            the limit would just be kept, (n, points, 3).
+        rows: Factors of beta, of alpha and of its root in the force of each carriage along +y, then
+            along -y, (n, points, 6, 3): inertia, inertia and viscous friction.
+    """
+
+    use: FloatArray
+    rows: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class CellMotion:
     """A profile at evenly spaced times of each of its pieces, none of which crosses a break.
 
     Attributes:
         carriages: Derivatives over their limits, (n, points, 3, 3), carriages last.
         caps: Use of the caps, where there are any.
+        forces: Use of the force limits, where there are any.
     """
 
     carriages: FloatArray
     caps: CapUse | None
+    forces: ForceUse | None
 
     @classmethod
     def of(cls, timed: TimedCurve, profile: Profile, points: int) -> CellMotion:
         """Evaluate ``profile`` at ``points`` times of each piece, both of its ends included."""
         motion, piece = timed.cell_states(profile, points)
         caps = timed.caps(motion, piece, motion[:, points // 2, 0]) if timed.has_caps else None
-        return cls(timed.motion(motion, piece), caps)
+        carriages = timed.motion(motion, piece)
+        return cls(carriages, caps, timed.forces(motion, piece) if timed.limits_force else None)
 
     def uses(self) -> FloatArray:
-        """Return the use of every limit, (n, points, 3, rows): carriages, then the caps if any."""
+        """Return the use of every limit, (n, points, 3, rows): carriages, then the caps if any.
+
+        Where forces are limited they follow jerk: (n, points, 4, rows).
+        """
+        uses = np.abs(self.carriages)
+        if self.forces is not None:
+            uses = np.concatenate([uses, self.forces.use[..., None, :]], axis=-2)
         if self.caps is None:
-            return np.abs(self.carriages)
+            return uses
         speed, acceleration = self.caps.speed, self.caps.acceleration
-        column = np.stack([speed, acceleration, np.zeros_like(speed)], axis=-1)
-        return np.concatenate([np.abs(self.carriages), column[..., None]], axis=-1)
+        column = np.zeros((*uses.shape[:-1], 1))
+        column[..., 0, 0], column[..., 1, 0] = speed, acceleration
+        return np.concatenate([uses, column], axis=-1)

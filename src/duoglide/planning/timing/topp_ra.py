@@ -64,7 +64,9 @@ def time_span_topp_ra(
     begin = (0.0, 0.0) if moving is None else (moving.speed, moving.acceleration)
     best, least = None, np.inf
     for _ in range(_TURNS):
-        profile, cells = ramp_cells(grid, rows.find_speeds(begin[0]), begin[1])
+        speeds = rows.find_speeds(begin[0])
+        rows = replace(rows, near=speeds)
+        profile, cells = ramp_cells(grid, speeds, begin[1])
         use = find_largest_use(timed, profile)
         use[:, 2] = 0.0  # there is no limit of jerk
         factor = find_stretch(use)
@@ -125,6 +127,9 @@ class SpanRows:
         square: The largest square of d sigma/dt at each node [mm^2/s^2], (n + 1,).
         by_rate: Factors of d2 sigma/dt2 in each acceleration over its limit, (n + 1, rows).
         by_square: Factors of the square of d sigma/dt in the same, (n + 1, rows).
+        force: Factors of d2 sigma/dt2, of the square of d sigma/dt and of d sigma/dt in each force
+            along one direction over what there is of it, (n + 1, 6 or none, 3).
+        near: About d sigma/dt at each node, where its square's root is made linear [mm/s].
     """
 
     grid: FloatArray
@@ -132,6 +137,8 @@ class SpanRows:
     square: FloatArray
     by_rate: FloatArray
     by_square: FloatArray
+    force: FloatArray
+    near: FloatArray
 
     @classmethod
     def of(cls, timed: TimedCurve, grid: FloatArray) -> SpanRows:
@@ -155,7 +162,11 @@ class SpanRows:
         length = grid[-1] - grid[0]
         rates = np.abs(by_rate[:, :3]).max() / length
         second = length * max(float(speed.max()), (rates / length) ** 0.5)
-        return cls(grid, second, speed**-2.0, by_rate, by_square)
+        force = np.empty((grid.size, 0, 3))
+        if timed.limits_force:
+            force = timed.forces(unit[None], pieces[None]).rows[0]
+        near = (0.5**0.5) / speed
+        return cls(grid, second, speed**-2.0, by_rate, by_square, force, near)
 
     def find_speeds(self, begin: float = 0.0) -> FloatArray:
         """Return d sigma/dt at the nodes [mm/s], (n + 1,).
@@ -170,8 +181,20 @@ class SpanRows:
         unit = length / self.second
         points = (self.grid - self.grid[0]) / length
         points[-1] = 1.0
+        near = np.maximum(self.near, _STANDING * self.near.max())[:, None]
+        slowed = 0.5 * self.force[..., 2]
+        pushes = np.stack(
+            [
+                self.force[..., 0] * (unit / self.second),
+                (self.force[..., 1] + slowed / near) * unit**2,
+                slowed * near,
+            ]
+        )
         scaled = _Limits(
-            self.by_rate * (unit / self.second), self.by_square * unit**2, self.square / unit**2
+            self.by_rate * (unit / self.second),
+            self.by_square * unit**2,
+            self.square / unit**2,
+            pushes,
         )
         solver = toppra.algorithm.TOPPRA([scaled], _Line(), gridpoints=points)
         solver.compute_parameterization(begin / unit, 0.0)
@@ -188,7 +211,7 @@ class SpanRows:
         """Return this with the limits lowered at both nodes of each cell that exceeds them.
 
         Args:
-            use: Of each piece of a profile, (m, 3, carriages, then the tool).
+            use: Of each piece of a profile, (m, 3 or 4, carriages, then the tool).
             cells: The cell that each piece belongs to, ascending, (m,).
         """
         firsts = np.searchsorted(cells, np.arange(self.grid.size - 1))
@@ -198,8 +221,12 @@ class SpanRows:
         rows = self.by_rate.shape[1]
         tool = np.repeat(over[:, 1, 3:], max(rows - 3, 0), axis=1)[:, : rows - 3]
         rates = np.concatenate([over[:, 1, :3], tool], axis=1)
+        force = self.force
+        if force.size:
+            force = force * np.tile(over[:, 3, :3], 2)[..., None]
         return replace(
             self,
+            force=force,
             square=self.square / over[:, 0].max(axis=-1) ** 2,
             by_rate=self.by_rate * rates,
             by_square=self.by_square * rates,
@@ -207,29 +234,33 @@ class SpanRows:
 
 
 class _Limits(LinearConstraint):  # type: ignore[misc]  # toppra has no types
-    """Limits at the nodes, in toppra's form: F (a u + b x) <= g, and x within bounds."""
+    """Limits at the nodes, in toppra's form: F (a u + b x + c) <= g, and x within bounds."""
 
-    def __init__(self, by_rate: FloatArray, by_square: FloatArray, square: FloatArray) -> None:
+    def __init__(
+        self, by_rate: FloatArray, by_square: FloatArray, square: FloatArray, pushes: FloatArray
+    ) -> None:
         super().__init__()
         self.identical = True
-        self._terms = by_rate, by_square, square
+        self._terms = by_rate, by_square, square, pushes
 
     def compute_constraint_params(
         self, path: object, gridpoints: FloatArray, *_args: object, **_others: object
     ) -> tuple[FloatArray | None, ...]:
-        by_rate, by_square, square = self._terms
+        by_rate, by_square, square, pushes = self._terms
         rows = by_rate.shape[1]
-        both = np.concatenate([np.eye(rows), -np.eye(rows)])
+        every = np.eye(rows + pushes.shape[2])  # forces are limited along one direction each
+        both = np.concatenate([every, -every[:rows]])
         bounds = np.stack([np.zeros(square.size), square], axis=1)
-        none = np.zeros_like(by_rate)
-        terms = by_rate, by_square, none, both, np.ones(2 * rows), None, bounds
+        pairs = zip((by_rate, by_square, np.zeros_like(by_rate)), pushes, strict=True)
+        a, b, c = (np.concatenate(pair, axis=1) for pair in pairs)
+        terms = a, b, c, both, np.ones(len(both)), None, bounds
         if gridpoints.size != square.size:
             raise LimitError("toppra asks for limits on another grid")
         converted: tuple[FloatArray | None, ...] = canlinear_colloc_to_interpolate(
             *terms[:5], bounds, None, gridpoints, identical=True
         )
-        a, b, c, F, g, xbound, ubound = converted
-        return a, b, c, F, g, ubound, xbound
+        *rows_of, xbound, ubound = converted
+        return *rows_of, ubound, xbound
 
 
 class _Line:

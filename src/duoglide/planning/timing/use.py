@@ -28,10 +28,11 @@ def find_stretch(use: FloatArray) -> float:
     """Return the factor of all times that brings the worst use to 1.
 
     Args:
-        use: Of limits of velocity, acceleration and jerk, shape (..., 3, rows).
+        use: Of limits of velocity, acceleration and jerk, shape (..., 3, rows), or of force too,
+            (..., 4, rows).
     """
-    v, a, j = (float(use[..., k, :].max()) for k in range(3))
-    return max(v, sqrt(a), cbrt(j))
+    v, a, j, *force = (float(use[..., k, :].max()) for k in range(use.shape[-2]))
+    return max(v, sqrt(a), cbrt(j), *map(sqrt, force))
 
 
 def _find_turning_values(values: FloatArray, rates: FloatArray) -> FloatArray:

@@ -7,18 +7,27 @@ that has no such way is not taken; the last one's is followed instead, until the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import ruckig
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 from duoglide.arrays import FloatArray, as_triples, read_only
 from duoglide.errors import InputError, PathError, SingularityError, UnreachableError
 from duoglide.kinematics.headroom.room import TOUCHING, locate, room
 from duoglide.kinematics.model import inverse, inverse_derivatives, jacobian
 from duoglide.machine import Machine
+from duoglide.motion.motion import Motion
+from duoglide.motion.path.transfer import TransferPath
+from duoglide.motion.profile import Profile
+from duoglide.motion.timing_report import TimingMethod, TimingReport
+from duoglide.planning.stops.certificate import certify_stops, stop_bounds_until
 from duoglide.planning.tolerances import ALIKE
+from duoglide.planning.trajectory import Trajectory
 
 _SAMPLES = 16  # A way to stop is looked at in so many places.
 _SLACK = 0.05  # mm that is left of every bound where there is so much to begin with
@@ -62,6 +71,20 @@ class _Ball:
         return farthest + reserve < self.radius
 
 
+class _Step(NamedTuple):
+    """A step that may be taken.
+
+    Attributes:
+        passed: States in it, at every cycle, shape (n, 3, 3).
+        ahead: The last of them, shape (3, 3).
+        stop: The way to rest from there.
+    """
+
+    passed: FloatArray
+    ahead: FloatArray
+    stop: ruckig.Trajectory
+
+
 class Jog:
     """The platform under a velocity that somebody asks for.
 
@@ -69,6 +92,8 @@ class Jog:
         machine: The machine.
         carriages: Where its carriages stand, at rest [mm], shape (3,).
         limits: What the platform may do.
+        period: How long a step takes [s]; None: a cycle of the drives. Longer steps are looked at
+            as closely, and keep a little more of every bound.
 
     Raises:
         InputError: Not three finite numbers.
@@ -76,9 +101,16 @@ class Jog:
     """
 
     def __init__(
-        self, machine: Machine, carriages: ArrayLike, limits: JogLimits | None = None
+        self,
+        machine: Machine,
+        carriages: ArrayLike,
+        limits: JogLimits | None = None,
+        period: float | None = None,
     ) -> None:
         self._machine = machine
+        self._period = machine.drives.cycle if period is None else period
+        cycles = round(self._period / machine.drives.cycle)
+        self._shares = np.arange(1, cycles + 1) / cycles * self._period  # looked at in a step
         self._limits = limits or JogLimits()
         start = as_triples(carriages, "carriages", "(carriage 1, 2, 3)")
         if start.shape != (3,):
@@ -136,27 +168,87 @@ class Jog:
         self._blocked = ""
 
     def step(self) -> FloatArray:
-        """Let one cycle pass; return the carriages' setpoint for it [mm], shape (3,)."""
+        """Let one step pass; return the carriages' setpoint for it [mm], shape (3,)."""
         if not self.moving and (self._blocked or not self._wish.any()):
             return self._carriages
-        cycle = self._machine.drives.cycle
-        try:
-            ahead = _sample(self._go_over_to(self._state, self._wish), np.array([cycle]))[0]
-            stop = self._go_over_to(ahead, np.zeros(3))
-            times = np.linspace(0.0, stop.duration, _SAMPLES + 1)
-            states = np.concatenate([self._state[None], _sample(stop, times)])
-            self._blocked = self._find_objection(states, max(cycle, float(times[1])))
-        except ruckig.RuckigError:
-            self._blocked = "acceleration"  # no such way: as good as a way beyond the limits
-        if self._blocked:
-            self._since += cycle
+        found = self._find_step()
+        if found is None:
+            self._since += self._period
             self._state = _sample(self._stop, np.array([self._since]))[0]
             if self._since >= self._stop.duration:
                 self._state[1:] = 0.0
         else:
-            self._state, self._stop, self._since = ahead, stop, 0.0
+            self._state, self._stop, self._since = found.ahead, found.stop, 0.0
         self._carriages = read_only(inverse(self._machine.geometry, self._state[0]))
         return self._carriages
+
+    def move(self) -> Trajectory | None:
+        """Let one step pass as ``step`` does; return it as a trajectory that hands over in motion.
+
+        Returns:
+            The step, whose ``whole`` goes on to rest. None where there is no step: at rest where
+            nothing is wished or the wish is blocked, and in motion where the way to rest of the
+            step before has to be followed.
+        """
+        if not self.moving and (self._blocked or not self._wish.any()):
+            return None
+        start, found = self._state, self._find_step()
+        if found is None:
+            return None
+        self._state, self._stop, self._since = found.ahead, found.stop, 0.0
+        self._carriages = read_only(inverse(self._machine.geometry, self._state[0]))
+        return self._describe(start, found)
+
+    def rest(self) -> None:
+        """Take it that the way to rest of the last step has been followed to its end."""
+        self._state = _sample(self._stop, np.array([self._stop.duration]))[0]
+        self._state[1:] = 0.0
+        self._carriages = read_only(inverse(self._machine.geometry, self._state[0]))
+
+    def keep(self) -> Callable[[], None]:
+        """Return what takes the steps back that are made from now on."""
+        kept = self._state.copy(), self._carriages, self._stop, self._since
+
+        def take_back() -> None:
+            self._state, self._carriages, self._stop, self._since = kept
+
+        return take_back
+
+    def _describe(self, start: FloatArray, step: _Step) -> Trajectory:
+        """Return a step and its way to rest as one motion of the carriages, through every cycle."""
+        machine, cycle = self._machine, self._machine.drives.cycle
+        count = max(int(step.stop.duration / cycle - 0.5), 0)
+        after = np.append(np.arange(1, count + 1) * cycle, step.stop.duration)
+        times = np.concatenate([[0.0], self._shares, self._period + after])
+        states = np.concatenate([start[None], step.passed, _sample(step.stop, after)])
+        third = np.zeros((len(states), 1, 3))
+        rows = inverse_derivatives(machine.geometry, np.concatenate([states, third], axis=1))
+        ends = (1, rows[0, 1]), (1, np.zeros(3))
+        spline = CubicSpline(times, rows[:, 0], bc_type=ends)
+        least = float(room(machine, rows[:, 0]).clearance.min()) + machine.clearance
+        table = np.moveaxis(spline.c[::-1], 0, 1)
+        path = TransferPath(machine, times, table, least)
+        report = TimingReport(method=TimingMethod.TRANSFER, reason="moved by hand")
+        end = float(times[-1])
+        knots = np.array([[t, t, 1.0, 0.0] for t in (0.0, self._period, end)])
+        motion = Motion(path, Profile(knots), report=report)
+        whole = Trajectory.of(motion, certify_stops(motion))
+        return whole.until(1, stop_bounds_until(whole, self._period))
+
+    def _find_step(self) -> _Step | None:
+        """Return the next step with a way to rest behind it; None if there is none."""
+        try:
+            way = self._go_over_to(self._state, self._wish)
+            passed = _sample(way, self._shares)
+            ahead = passed[-1]
+            stop = self._go_over_to(ahead, np.zeros(3))
+            times = np.linspace(0.0, stop.duration, _SAMPLES + 1)
+            states = np.concatenate([self._state[None], passed[:-1], _sample(stop, times)])
+            gap = max(float(self._shares[0]), float(times[1]))
+            self._blocked = self._find_objection(states, gap)
+        except ruckig.RuckigError:
+            self._blocked = "acceleration"  # no such way: as good as a way beyond the limits
+        return None if self._blocked else _Step(passed, ahead, stop)
 
     def _go_over_to(self, state: FloatArray, velocity: FloatArray) -> ruckig.Trajectory:
         """Go over to a velocity, straight if the platform does not turn; every axis by itself.

@@ -21,6 +21,7 @@ from duoglide.motion.path.transfer import TransferPath
 from duoglide.motion.profile import Profile
 from duoglide.motion.timing_report import TimingMethod, TimingReport
 from duoglide.planning.braking.make_safe import Replan, make_brake_safe
+from duoglide.planning.force_limits import slow_to_force
 from duoglide.planning.stops.certificate import certify_stops
 from duoglide.planning.tolerances import PICOMETRE
 from duoglide.planning.trajectory import Trajectory
@@ -133,9 +134,9 @@ def _stay(machine: Machine, carriages: FloatArray) -> Trajectory:
 
 
 def _time(path: TransferPath) -> Motion:
-    """Return the motion that a transfer is, with its own time."""
+    """Return the motion that a transfer is, with its own time where there is the force for it."""
     report = TimingReport(method=TimingMethod.TRANSFER)
-    return Motion(path, Profile.steady(path.duration), report=report)
+    return slow_to_force(Motion(path, Profile.steady(path.duration), report=report))
 
 
 def _slower(

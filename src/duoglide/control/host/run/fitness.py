@@ -12,13 +12,17 @@ from duoglide.kinematics.model import inverse
 from duoglide.machine import Machine
 from duoglide.motion.path.actions import Dwell, SetOutput
 from duoglide.planning.limit_use import require_limits
+from duoglide.planning.stops.certificate import stop_bounds_until
 from duoglide.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from duoglide.arrays import FloatArray
     from duoglide.control.channel.scale import Triple
 
 _SAMPLES = 200
+_JOINED = (1e-6, 1e-3, 1.0)  # between two parts [mm], [mm/s], [mm/s^2]
 _SAME = 1e-6  # [mm] between the trajectory's carriages and those of this machine
 
 
@@ -28,6 +32,10 @@ class LimitUse(NamedTuple):
     velocity: Triple
     acceleration: Triple
     jerk: Triple
+
+    def worst(self, other: LimitUse) -> LimitUse:
+        """Return the worse of both, carriage by carriage."""
+        return _limit_use(np.maximum(np.array(self), np.array(other)))
 
 
 def machine_that_moves(given: Machine | None, told: Machine, bus: str) -> Machine:
@@ -84,12 +92,69 @@ def require_fit(trajectory: Trajectory, machine: Machine) -> tuple[Trajectory, L
     if not isinstance(given, Trajectory):
         kind = type(given).__name__
         raise InputError(f"a run needs a Trajectory (of dg.plan or dg.Trajectory.load), got {kind}")
-    _require_lines(trajectory, machine)
+    require_lines(trajectory, machine)
     if trajectory.pace is None:
         _require_rests(trajectory)
     _require_geometry(machine, trajectory)
     fit, uses = trajectory.certified_for(machine)
     return fit, _limit_use(uses)
+
+
+def require_chain(parts: Sequence[Trajectory], machine: Machine) -> list[Trajectory]:
+    """Certify the parts of a program for a machine again, from their curves and profiles alone.
+
+    Raises:
+        PathError: What ``require_fit`` raises of a part; or one does not go on from where, and as
+            fast as, the one before ends.
+        LimitError: It asks for more than a limit of this machine.
+        ConfigError: It is for another geometry.
+    """
+    fit: list[Trajectory] = []
+    for number, part in enumerate(parts, start=1):
+        whole = part.whole or part
+        _require_geometry(machine, whole)
+        certified, _ = whole.certified_for(machine)
+        _require_joined(number, fit[-1] if fit else None, certified)
+        if part.whole is not None:
+            knot = len(part.profile.knots) - 1
+            certified = certified.until(knot, stop_bounds_until(certified, part.duration))
+        fit.append(certified)
+    if not fit[-1].ends_at_rest:
+        _require_rests(fit[-1])
+    return fit
+
+
+def _require_joined(number: int, before: Trajectory | None, after: Trajectory) -> None:
+    """Refuse a part that does not begin in the state in which the one before ends."""
+    begins = after.at(0.0)
+    if before is None:
+        apart = [np.zeros(1), begins.velocity, begins.acceleration]
+    else:
+        ends = before.at(before.duration)
+        apart = [
+            ends.carriages - begins.carriages,
+            ends.velocity - begins.velocity,
+            ends.acceleration - begins.acceleration,
+        ]
+    for unit, gap, allowed in zip(("mm", "mm/s", "mm/s^2"), apart, _JOINED, strict=True):
+        if (amount := float(np.abs(gap).max())) > allowed:
+            raise PathError(
+                f"part {number} of the program does not go on as the one before ends: a carriage is"
+                f" {amount:.4g} {unit} off",
+                quantity="start",
+                amount=amount,
+            )
+
+
+def sample_limit_use(part: Trajectory) -> LimitUse:
+    """Return how much of its machine's limits a part of a program uses, at the drives' cycles."""
+    limits = part.machine.limits
+    _, state = part.sample(part.machine.drives.cycle)
+    uses = [
+        np.abs(getattr(state, name)).max(axis=0) / getattr(limits, name)
+        for name in ("velocity", "acceleration", "jerk")
+    ]
+    return _limit_use(np.array(uses))
 
 
 def measure_limit_use(trajectory: Trajectory, machine: Machine) -> LimitUse:
@@ -106,7 +171,7 @@ def _limit_use(uses: FloatArray) -> LimitUse:
     return LimitUse(velocity, acceleration, jerk)
 
 
-def _require_lines(trajectory: Trajectory, machine: Machine) -> None:
+def require_lines(trajectory: Trajectory, machine: Machine) -> None:
     """Refuse actions on inputs or outputs that a drive does not have."""
     for time, action in trajectory.actions:
         if isinstance(action, Dwell):

@@ -16,6 +16,7 @@ from duoglide.control.host.run.happenings import describe_event
 from duoglide.control.host.run.report import RunReport, Tally, require_success
 from duoglide.errors import BusError, DriveError, DriveTimeout, DuoglideError
 from duoglide.motion.path_clock import require_override
+from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
     from duoglide.control.channel.ring import CycleEntry, EventEntry
@@ -23,7 +24,9 @@ if TYPE_CHECKING:
     from duoglide.control.channel.setpoints import PreparedSetpoints
     from duoglide.control.host.monitor import Monitor
     from duoglide.control.host.process import StreamerProcess
+    from duoglide.control.host.run.feed import PartFeed
     from duoglide.control.host.run.fitness import LimitUse
+    from duoglide.control.host.run.parts import PlannedPart
     from duoglide.control.host.run.run_log import RunLog
     from duoglide.machine import DriveSettings
 
@@ -61,18 +64,20 @@ class RunPlan:
     """What a run needs beside its streamer.
 
     Attributes:
-        approach: What gets it to the start; None where it is there.
-        prepared: What it runs.
+        chain: What it runs, one after the other; an approach is the first of them.
         override: Rate to begin with.
         drives: Of the machine.
-        limit_use: Of the trajectory, for the report.
+        limit_use: Of the trajectory, for the report; of a program its first part's.
+        feed: What comes after the chain; None: nothing.
+        paths: Of a program: how many are done when the chain is.
     """
 
-    approach: PreparedSetpoints | None
-    prepared: PreparedSetpoints
+    chain: tuple[PreparedSetpoints, ...]
     override: float
     drives: DriveSettings
     limit_use: LimitUse
+    feed: PartFeed | None = None
+    paths: int = 0
 
 
 class RunHandle:
@@ -89,14 +94,13 @@ class RunHandle:
         self, plan: RunPlan, process: StreamerProcess, monitor: Monitor, log: RunLog | None
     ) -> None:
         self._plan, self._process, self._monitor, self._log = plan, process, monitor, log
-        self._tally = Tally(plan.prepared.number)
+        first, last = plan.chain[0].number, plan.chain[-1].number
+        self._tally = Tally(last, limit_use=plan.limit_use)
         self._over = threading.Event()
         self._resources = ExitStack()
         self._report: RunReport | None = None
-        self._ordered_to_stop = False
-        self._current = 0
-        self._pacing = threading.Lock()  # between whoever operates and the monitor's thread
-        self._override, self._held, self._between = plan.override, False, False
+        self._approaching = plan.chain[0].phase is Phase.APPROACH
+        self._override = plan.override
         self._refusal = ""
         self._failure: DuoglideError | None = None
         listeners = (self, self._tally)
@@ -105,8 +109,20 @@ class RunHandle:
             monitor.attach(*listeners, log)
         else:
             monitor.attach(*listeners)
-        first = plan.approach or plan.prepared
-        process.order(Command.RUN, first.number, plan.override)
+        process.order(Command.RUN, first, plan.override)
+        if plan.feed is None:
+            process.order(Command.END, last)
+        else:
+            self._resources.callback(plan.feed.close)
+            self._tally.plan_paths(last, plan.paths)
+            plan.feed.feed(process, last, self._take_part)
+
+    def _take_part(self, number: int, part: PlannedPart) -> None:
+        """Keep what the report and the log need of a part, before the streamer has it."""
+        self._tally.plan_paths(number, part.paths)
+        self._tally.limit_use = self._tally.limit_use.worst(part.limit_use)
+        if self._log is not None:
+            self._log.add_part(number, part.document)
 
     # What the monitor's thread calls
 
@@ -114,50 +130,29 @@ class RunHandle:
         """Nothing to do: the tally counts."""
 
     def add_event(self, event: EventEntry) -> None:
-        """Go on from the approach to the run itself, and notice the end."""
+        """Notice where the run is, and its end."""
         if event.kind == Happening.REFUSED and event.detail == Command.RUN:
             self._refusal = describe_event(event).text
             self._over.set()
         elif event.kind == Happening.STOPPED:
             self._over.set()
-        elif event.kind == Happening.FINISHED:
-            self._finished()
-        elif event.kind == Happening.TRIP and self._between:
+        elif event.kind == Happening.FINISHED and event.detail != Phase.APPROACH:
+            self._tally.completed = self.failure is None
             self._over.set()
-        elif event.kind == Happening.STARTED:
-            self._current = int(event.value)
-
-    def _finished(self) -> None:
-        if self._plan.approach is not None and self._current == self._plan.approach.number:
-            with self._pacing:
-                self._between = True
-                self._go_on()
-            return
-        self._tally.completed = True
-        self._over.set()
-
-    def _go_on(self) -> None:
-        """Begin the run itself after its approach, unless somebody has stopped or held it."""
-        if self._between and self._ordered_to_stop:
-            self._over.set()
-        elif self._between and not self._held:
-            self._between = False
-            self._process.order(Command.RUN, self._plan.prepared.number, self._override)
+        elif event.kind in (Happening.STARTED, Happening.PART):
+            self._approaching = event.kind == Happening.STARTED and event.detail == Phase.APPROACH
+            if self._plan.feed is not None:
+                self._plan.feed.pass_on(int(event.value))
 
     # What the operator calls
 
     def hold(self) -> None:
         """Come to rest on the path; ``resume`` goes on."""
-        with self._pacing:
-            self._held = True
-            self._process.order(Command.HOLD)
+        self._process.order(Command.HOLD)
 
     def resume(self) -> None:
         """Go on after a hold."""
-        with self._pacing:
-            self._held = False
-            self._process.order(Command.RESUME)
-            self._go_on()
+        self._process.order(Command.RESUME)
 
     def set_override(self, override: float) -> None:
         """Run at this rate, 0 to 1.
@@ -165,28 +160,26 @@ class RunHandle:
         Raises:
             InputError: Not a number from 0 to 1.
         """
-        with self._pacing:
-            self._override = require_override(override)
-            self._process.order(Command.OVERRIDE, 0, self._override)
+        self._override = require_override(override)
+        self._process.order(Command.OVERRIDE, 0, self._override)
 
     def stop(self) -> None:
         """Come to rest on the path and end the run; the drives stay on."""
-        with self._pacing:
-            self._ordered_to_stop = True
-            self._process.order(Command.STOP)
-            self._go_on()
+        self._process.order(Command.STOP)
 
     def quick_stop(self) -> None:
         """Let every drive brake by itself, now; latched until ``Robot.reset_fault``."""
-        with self._pacing:
-            self._ordered_to_stop = True
-            self._process.order(Command.QUICK_STOP)
-            self._go_on()
+        self._process.order(Command.QUICK_STOP)
 
     @property
     def approaching(self) -> bool:
         """Whether the run itself has yet to begin; path times are then along the approach."""
-        return self._plan.approach is not None and self._current != self._plan.prepared.number
+        return self._approaching
+
+    @property
+    def failure(self) -> DuoglideError | None:
+        """Why a program has ended before its end; None: it has not, or this is none."""
+        return None if self._plan.feed is None else self._plan.feed.failure
 
     @property
     def done(self) -> bool:
@@ -260,7 +253,10 @@ class RunHandle:
         dropped = self._process.ring.dropped
         path = self._log.path if self._log else None
         plan = self._plan
-        self._report = self._tally.report(plan.drives, plan.limit_use, dropped, path)
+        failure = self.failure
+        if plan.feed is not None:
+            self._tally.program_ended = "" if failure is None else str(failure)
+        self._report = self._tally.report(plan.drives, dropped, path)
         with self._resources:  # a log that cannot take the report is closed all the same
             if self._log is not None:
                 self._log.add_report(self._report)
@@ -318,8 +314,12 @@ def wait_to_the_end(handle: RunHandle) -> RunReport:
         BusError: The bus has failed, or the streamer is gone.
         KeyboardInterrupt: Ctrl-C, SIGTERM or SIGHUP has come; the machine has been stopped on its
             path, and the log is whole.
+        DuoglideError: A program could not be planned, or read, to its end; the machine has come to
+            rest before that.
     """
     with stop_on_interrupt(handle):
         report = handle.wait()
     require_success(report)
+    if handle.failure is not None:
+        raise handle.failure
     return report

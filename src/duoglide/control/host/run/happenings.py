@@ -108,6 +108,11 @@ _WRITERS: dict[Happening, Callable[[EventEntry], tuple[EventKind, str]]] = {
         EventKind.LOST,
         f"axis {e.axis}: {e.code} setpoints did not act: {e.value:.3f} mm off where they lead",
     ),
+    Happening.PART: lambda e: (
+        EventKind.NOTE,
+        f"the next part has taken over {'in motion' if e.code else 'at rest'}",
+    ),
+    Happening.AWAITED: lambda e: (EventKind.NOTE, f"waited {e.value:.3f} s for the next part"),
     Happening.FOREIGN: lambda e: (EventKind.BUS, "another host is on the bus"),
     Happening.LATE: lambda e: (EventKind.LATE, f"{e.value:.0f} cycles skipped to the schedule"),
 }

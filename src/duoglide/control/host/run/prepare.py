@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,9 @@ from duoglide.errors import LimitError, PathError
 from duoglide.kinematics.carriage_margin import carriage_margin
 from duoglide.kinematics.model import forward
 from duoglide.motion.path.actions import SetOutput, WaitInput
+from duoglide.planning.braking.led import led_stops
+from duoglide.planning.stops.certificate import Handover, certify_stops
+from duoglide.storage.records import Phase
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +26,6 @@ if TYPE_CHECKING:
     from duoglide.arrays import FloatArray
     from duoglide.machine import Machine
     from duoglide.planning.trajectory import Trajectory
-    from duoglide.storage.records import Phase
 
 LEAST_DEVIATION = 0.2  # [mm] of a carriage from where its drive's model expects it
 START_TOLERANCE = 0.05  # [mm] that a carriage may be away from the start of a run
@@ -73,7 +76,7 @@ def prepare(
     """Compute and validate every setpoint of the nominal grid.
 
     Args:
-        trajectory: What to stream.
+        trajectory: What to stream, to rest.
         fence: What no setpoint may leave.
         number: Of the setpoints, from 1.
         phase: Approach or program.
@@ -99,6 +102,38 @@ def prepare(
     for before, after in pairwise(stretches):
         _validate(np.array([before.grid[-1], after.grid[0]]), np.array([before.end] * 2), fence)
     return PreparedSetpoints(number, phase, trajectory, tuple(stretches), outputs, fence)
+
+
+def prepare_part(
+    part: Trajectory, fence: Fence, number: int, before: Trajectory | None = None
+) -> PreparedSetpoints:
+    """Prepare what a run is made of: a trajectory to rest, or one part of a program.
+
+    What is streamed is the way to rest, ``part.whole`` where it has one; the next part takes over
+    where ``part`` ends.
+
+    Args:
+        part: What to stream, certified for the machine.
+        fence: What no setpoint may leave.
+        number: Of the setpoints, from 1.
+        before: The part that it goes on from; None: it begins a run.
+
+    Raises:
+        LimitError: See ``prepare``.
+        PathError: See ``margin_of``.
+    """
+    whole = part.whole or part
+    prepared = prepare(whole, fence, number, Phase.PROGRAM, margin_of(whole, whole.machine))
+    prepared = replace(
+        prepared,
+        led=led_stops(whole),
+        after=number - 1 if before is not None else 0,
+        seam=None if part.whole is None else part.duration,
+    )
+    if before is None or before.whole is None:
+        return prepared
+    pace = certify_stops(Handover(before, whole))
+    return replace(prepared, lead_in=before.duration, pace=pace)
 
 
 def margin_of(trajectory: Trajectory, machine: Machine) -> Callable[[FloatArray], FloatArray]:

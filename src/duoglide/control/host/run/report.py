@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from array import array
-from dataclasses import dataclass, field
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,6 +37,7 @@ _ERRORS: dict[Condition, type[DriveError]] = {
     Condition.EMERGENCY: DriveFault,
     Condition.FAULT: DriveFault,
 }
+_MOST_EVENTS = 10_000
 _QUANTILES = (0.5, 0.99, 0.999, 1.0)
 
 
@@ -49,11 +51,39 @@ class Lateness:
     worst: float
 
     @classmethod
-    def of(cls, nanoseconds: array[int]) -> Lateness:
-        """Summarise latenesses [ns]; zeros where there are none."""
-        values = np.frombuffer(nanoseconds, dtype=np.int64) if nanoseconds else np.zeros(1)
-        median, p99, p999, worst = (float(v) * 1e-3 for v in np.quantile(values, _QUANTILES))
+    def of(cls, counts: Mapping[int, int]) -> Lateness:
+        """Summarise how many cycles were how late, by whole [us]; zeros where there are none."""
+        late = np.array(sorted(counts) or [0])
+        below = np.cumsum([counts[value] for value in sorted(counts)] or [1])
+        rows = np.searchsorted(below, np.array(_QUANTILES) * below[-1])
+        median, p99, p999, worst = (float(late[row]) for row in rows)
         return cls(median=median, p99=p99, p999=p999, worst=worst)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramReport:
+    """How a program went that was planned while it ran.
+
+    Attributes:
+        parts: Trajectories that were moved along, each planned by itself.
+        paths: Paths of the program whose last part was begun.
+        waits: How often the motion rested because the next part had not come.
+        waited: For how long, in all [s].
+        ended: Why it ended before its end, in words; empty where it did not.
+    """
+
+    parts: int
+    paths: int
+    waits: int = 0
+    waited: float = 0.0
+    ended: str = ""
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is not as it should be, in words."""
+        times = f"{self.waits} time{'s' * (self.waits > 1)}"
+        said = [f"waited for the planner: {times}, {self.waited:.2f} s"] if self.waits else []
+        return said + ([f"the program has ended early: {self.ended}"] if self.ended else [])
 
 
 class TimedEvent(NamedTuple):
@@ -83,13 +113,14 @@ class RunReport:
         limit_use: Worst use of each carriage's velocity, acceleration and jerk limit by the
             trajectory at full rate; 1.0 is at the limit.
         faults: What made it stop, in the order in which it was seen.
-        events: Everything that happened, with its time on the monotonic clock [s].
+        events: What happened, with its time on the monotonic clock [s]; the newest ten thousand.
         dropped: Records that the host was too slow to take; they are missing in the log.
         log: Where the log is; None if none was asked for.
         history: How following error and lateness went.
         approaching: Whether it ended on its way to the start.
         drives: How each of them followed its setpoints.
         remarks: What about that is not as it should be, in words.
+        program: How a program went; None for a trajectory.
     """
 
     completed: bool
@@ -109,6 +140,7 @@ class RunReport:
     approaching: bool = False
     drives: tuple[DriveConduct, ...] = ()
     remarks: tuple[str, ...] = ()
+    program: ProgramReport | None = None
 
     @property
     def ending(self) -> str:
@@ -190,7 +222,7 @@ class RunReport:
             "drives": [drive.to_dict() for drive in self.drives],
             "remarks": list(self.remarks),
             "dropped": self.dropped,
-        }
+        } | ({"program": asdict(self.program)} if self.program is not None else {})
 
 
 @dataclass(slots=True)
@@ -199,10 +231,14 @@ class Tally:
 
     Attributes:
         number: Of the setpoints in progress, those of an approach or of the run itself.
+        limit_use: Worst of what runs.
+        program_ended: Of a program: why it ended early, or nothing; None where this is none.
     """
 
     number: int
-    lateness: array[int] = field(default_factory=lambda: array("q"))
+    limit_use: LimitUse
+    cycles: int = 0
+    lateness: Counter[int] = field(default_factory=Counter)
     worst: list[int] = field(default_factory=lambda: [0] * AXES)
     skipped: int = 0
     lost: int = 0
@@ -212,13 +248,24 @@ class Tally:
     completed: bool = False
     approaching: bool = False
     faults: list[Trip] = field(default_factory=list)
-    events: list[TimedEvent] = field(default_factory=list)
+    events: deque[TimedEvent] = field(default_factory=lambda: deque(maxlen=_MOST_EVENTS))
     history: HistoryTally = field(default_factory=HistoryTally)
     conduct: ConductTally = field(default_factory=ConductTally)
+    program_ended: str | None = None
+    parts: int = 0
+    waits: int = 0
+    waited: float = 0.0
+    paths: int = 0
+    _paths: dict[int, int] = field(default_factory=dict)
+
+    def plan_paths(self, number: int, paths: int) -> None:
+        """Take it that so many paths of a program are done with the setpoints of a number."""
+        self._paths[number] = paths
 
     def add_cycle(self, entry: CycleEntry) -> None:
         """Count a cycle."""
-        self.lateness.append(entry.lateness)
+        self.cycles += 1
+        self.lateness[entry.lateness // 1000] += 1
         self.skipped += entry.skipped
         self.lost += entry.missing.bit_count()
         self.first = self.first or entry.time
@@ -231,7 +278,10 @@ class Tally:
             self.path_time = entry.path_time
 
     def add_event(self, event: EventEntry) -> None:
-        """Keep an event."""
+        """Keep an event; that one part of a program follows another is counted."""
+        if event.kind == Happening.PART:
+            self._begin_part(int(event.value))
+            return
         self.events.append(TimedEvent(event.time * 1e-9, describe_event(event)))
         if event.kind == Happening.TRIP:
             self.faults.append(Trip.from_event(event))
@@ -239,37 +289,48 @@ class Tally:
             self.lost += event.code
             self.conduct.lose(event.axis, event.code)
         elif event.kind == Happening.STARTED:
-            self.number, self.path_time = int(event.value), 0.0
             self.approaching = event.detail == Phase.APPROACH
+            self._begin_part(int(event.value))
+        elif event.kind == Happening.AWAITED:
+            self.waits, self.waited = self.waits + 1, self.waited + event.value
         elif event.kind in (Happening.STOPPED, Happening.FINISHED):
             self.path_time = event.value
 
-    def report(
-        self,
-        drives: DriveSettings,
-        limit_use: LimitUse,
-        dropped: int,
-        log: Path | None,
-    ) -> RunReport:
+    def _begin_part(self, number: int) -> None:
+        self.number, self.path_time = number, 0.0
+        self.parts += not self.approaching
+        self.paths = self._paths.pop(number, self.paths)
+
+    def _report_program(self) -> ProgramReport | None:
+        if self.program_ended is None:
+            return None
+        return ProgramReport(
+            parts=self.parts,
+            paths=self.paths,
+            waits=self.waits,
+            waited=self.waited,
+            ended=self.program_ended,
+        )
+
+    def report(self, drives: DriveSettings, dropped: int, log: Path | None) -> RunReport:
         """Sum up."""
         scales = Scales.of(drives)
         conduct = self.conduct.conduct(scales.mm((1, 1, 1)), drives.lag, drives.cycle)
-        remarks = (
-            text
-            for axis, drive in enumerate(conduct, start=1)
-            for text in drive.remarks(axis, drives.cycle)
-        )
+        program = self._report_program()
+        remarks = [] if program is None else program.remarks
+        for axis, drive in enumerate(conduct, start=1):
+            remarks += drive.remarks(axis, drives.cycle)
         first, second, third = scales.mm((self.worst[0], self.worst[1], self.worst[2]))
         return RunReport(
             completed=self.completed,
-            cycles=len(self.lateness),
+            cycles=self.cycles,
             duration=(self.last - self.first) * 1e-9,
             path_time=self.path_time,
             lateness=Lateness.of(self.lateness),
             skipped=self.skipped,
             lost=self.lost,
             following_error=(abs(first), abs(second), abs(third)),
-            limit_use=limit_use,
+            limit_use=self.limit_use,
             faults=tuple(self.faults),
             events=tuple(self.events),
             dropped=dropped,
@@ -278,6 +339,7 @@ class Tally:
             approaching=self.approaching,
             drives=conduct,
             remarks=tuple(remarks),
+            program=program,
         )
 
 

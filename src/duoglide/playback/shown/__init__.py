@@ -1,0 +1,1 @@
+"""Plans and runs for programs that show robots: Foxglove, Rerun, ROS 2."""
