@@ -134,35 +134,3 @@ def test_a_curve_refuses_what_is_no_curve() -> None:
         Curve(np.zeros(1), np.zeros(1), np.zeros((1, 3, 3)))
     with pytest.raises(dg.InputError, match="not a curve"):
         Curve.from_dict({"spans": [1.0]})
-
-
-@SETTINGS
-@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.9), length=st.floats(0.01, 1.0))
-def test_a_part_of_a_curve_goes_where_the_curve_goes(
-    seed: int, share: float, length: float
-) -> None:
-    curve = mixed_curve(seed)
-    start = share * curve.end
-    end = start + length * (curve.end - start)
-    part = curve.between(start, end)
-    sigma = np.linspace(0.0, part.end, 41)
-    assert part.end == pytest.approx(end - start, abs=1e-11)
-    np.testing.assert_allclose(part.position(sigma), curve.position(start + sigma), atol=1e-10)
-    inside = sigma[1:-1]
-    inside = inside[np.abs(curve.breaks[:, None] - start - inside).min(axis=0) > 1e-9]
-    expected = curve.derivatives(start + inside)
-    for order, near in ((1, 1e-11), (2, 1e-10), (3, 1e-7)):
-        found = part.derivatives(inside)[:, order]
-        np.testing.assert_allclose(found, expected[:, order], rtol=1e-7, atol=near)
-
-
-def test_parts_that_are_joined_are_the_curve_again() -> None:
-    path = dg.Path.polyline([(0, 0, 0), (9, 0, 0), (9, 9, 0), (0, 9, 0), (0, 0, 9)], 0.5)
-    curve = round_corners(path.at(2, dg.Dwell(0.1))).curve
-    assert len(curve.rests) == 1
-    for cut in (4.0, curve.rests[0], float(curve.breaks[1])):
-        again = Curve.join([curve.between(0.0, cut), curve.between(cut, curve.end)])
-        sigma = np.linspace(0.0, curve.end, 101)
-        np.testing.assert_allclose(again.position(sigma), curve.position(sigma), atol=1e-12)
-        assert again.rests == (() if cut == curve.rests[0] else pytest.approx(curve.rests))
-        assert set(again.rests) <= set(again.breaks.tolist())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import comb
 
 import numpy as np
 
@@ -47,33 +46,3 @@ def integrate_length(
     speed = np.sqrt((slope * slope).sum(axis=-1)).reshape(-1, panels, _NODES.size)
     lengths: FloatArray = (speed @ _WEIGHTS).sum(axis=1) * end / (2.0 * panels * span)
     return lengths
-
-
-def cut_piece(
-    rows: FloatArray, span: float, rate: float, skip: float, length: float
-) -> FloatArray:
-    """Return the coefficients of a part of a piece.
-
-    Args:
-        rows: Coefficients of the piece, as ``Curve`` has them, shape (m + 1, 3).
-        span: Its length in sigma [mm].
-        rate: Its angle per mm, 0 for a polynomial [rad/mm].
-        skip: Where the part begins [mm].
-        length: How long it is [mm].
-    """
-    result = np.zeros_like(rows)
-    if rate > 0.0:
-        angle = rate * skip
-        cosine, sine = np.cos(angle), np.sin(angle)
-        advance = rows[3] if len(rows) > 3 else np.zeros(3)
-        result[0] = rows[0] + rows[1] * (cosine - 1.0) + rows[2] * sine + advance * (skip / span)
-        result[1] = rows[1] * cosine + rows[2] * sine
-        result[2] = rows[2] * cosine - rows[1] * sine
-        if len(rows) > 3:
-            result[3] = advance * (length / span)
-        return result
-    at, scale = skip / span, length / span
-    for k in range(len(rows)):
-        for j in range(k + 1):
-            result[j] += rows[k] * (comb(k, j) * at ** (k - j) * scale**j)
-    return result

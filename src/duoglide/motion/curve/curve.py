@@ -9,7 +9,7 @@ arc-length table, and no noise of one.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,13 +19,7 @@ import numpy as np
 from duoglide.arrays import BoolArray, FloatArray, IndexArray, as_floats, read_only
 from duoglide.errors import InputError
 from duoglide.kinematics.kernels import in_numpy
-from duoglide.motion.curve._pieces import (
-    DERIVATIVES,
-    cut_piece,
-    integrate_length,
-    power_tables,
-    raise_powers,
-)
+from duoglide.motion.curve._pieces import DERIVATIVES, integrate_length, power_tables, raise_powers
 from duoglide.motion.curve.jets import evaluate_arc, evaluate_polynomial
 
 _PANELS = 64  # at most, where |p'| nearly vanishes
@@ -249,44 +243,6 @@ class Curve:
         coefficients[:, 0, :] += offset
         return Curve(self.spans, self.rates, coefficients, self.rests)
 
-    def between(self, start: float, end: float) -> Curve:
-        """Return the part of this curve from one sigma to another, whose own sigma begins at 0.
-
-        Pieces that are wholly inside stay as they are, to the last bit. Rests at the ends are left
-        out.
-
-        Args:
-            start: [mm].
-            end: Beyond it [mm].
-        """
-        first = int(np.searchsorted(self.breaks, start, side="right")) - 1
-        last = min(int(np.searchsorted(self.breaks, end, side="left")), self.count)
-        spans, coefficients = self.spans[first:last].copy(), self.coefficients[first:last].copy()
-        rates = self.rates[first:last]
-        stop = end - self.breaks[last - 1]
-        if stop < spans[-1]:
-            coefficients[-1] = cut_piece(coefficients[-1], spans[-1], rates[-1], 0.0, stop)
-            spans[-1] = stop
-        skip = start - self.breaks[first]
-        if skip > 0.0:
-            coefficients[0] = cut_piece(coefficients[0], spans[0], rates[0], skip, spans[0] - skip)
-            spans[0] -= skip
-        inside = tuple(rest - start for rest in self.rests if start < rest < end)
-        return Curve(spans, rates, coefficients, _at_breaks(inside, spans))
-
-    @staticmethod
-    def join(parts: Sequence[Curve]) -> Curve:
-        """Return one curve after the other; where two meet, the motion need not rest."""
-        rows = max(part.coefficients.shape[1] for part in parts)
-        wide = [np.zeros((part.count, rows, 3)) for part in parts]
-        for room, part in zip(wide, parts, strict=True):
-            room[:, : part.coefficients.shape[1]] = part.coefficients
-        ends = np.cumsum([part.end for part in parts]) - [part.end for part in parts]
-        rests = [at + rest for at, part in zip(ends, parts, strict=True) for rest in part.rests]
-        spans = np.concatenate([part.spans for part in parts])
-        rates = np.concatenate([part.rates for part in parts])
-        return Curve(spans, rates, np.concatenate(wide), _at_breaks(rests, spans))
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists of floats, from which ``from_dict`` builds this very curve."""
         return {
@@ -311,9 +267,3 @@ class Curve:
 
     def __repr__(self) -> str:
         return f"Curve({self.length:.6g} mm, {self.count} pieces, {len(self.rests)} rests)"
-
-
-def _at_breaks(rests: Sequence[float], spans: FloatArray) -> tuple[float, ...]:
-    """Return rests exactly where pieces of such lengths begin, which rounding has left them near."""
-    inner = np.cumsum(spans)[:-1]
-    return tuple(float(inner[np.argmin(np.abs(inner - rest))]) for rest in rests)
