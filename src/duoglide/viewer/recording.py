@@ -60,7 +60,9 @@ def recording_of(trajectory: Trajectory) -> Recording:
     path = trajectory.path
     picks = count_picks(path.checked.path) if isinstance(path, CarriagePath) else 0
     rate = f", {30.0 * picks / trajectory.duration:.0f} picks a minute" if picks else ""
-    words = f"**Plan**: {trajectory.duration:.4f} s, {_least(*room)}{rate}"
+    demand = trajectory.demand()
+    forces = f", forces up to {demand.peak_force.max():.0f} N, {demand.energy.sum():.1f} J"
+    words = f"**Plan**: {trajectory.duration:.4f} s, {_least(*room)}{rate}{forces}"
     return Recording(times, state.carriages, state.velocity, positions, *room, words)
 
 
