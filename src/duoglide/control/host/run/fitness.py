@@ -10,7 +10,7 @@ from duoglide.drives.bus.buses import BusKind, parse_bus
 from duoglide.errors import ConfigError, DriveError, DuoglideError, InputError, PathError
 from duoglide.kinematics.model import inverse
 from duoglide.machine import Machine
-from duoglide.motion.path.actions import Dwell, SetOutput
+from duoglide.motion.path.actions import SetOutput, WaitInput
 from duoglide.planning.limit_use import require_limits
 from duoglide.planning.stops.certificate import stop_bounds_until
 from duoglide.planning.trajectory import Trajectory
@@ -174,7 +174,7 @@ def _limit_use(uses: FloatArray) -> LimitUse:
 def require_lines(trajectory: Trajectory, machine: Machine) -> None:
     """Refuse actions on inputs or outputs that a drive does not have."""
     for time, action in trajectory.actions:
-        if isinstance(action, Dwell):
+        if not isinstance(action, SetOutput | WaitInput):
             continue
         sets = isinstance(action, SetOutput)
         index, name = (0x60FE, "outputs") if sets else (0x60FD, "inputs")
