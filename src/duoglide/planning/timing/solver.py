@@ -182,7 +182,7 @@ def _solve_window(
     ties = _find_ties(x, at_rest)
     goal = goal._replace(offsets=replace_unknowns(goal.first, goal.points, ties))
     np.subtract(rows.bounds, replace_unknowns(rows.first, rows.factors, ties), out=rows.bounds)
-    shrinks, slack, known = [1.0], interior_point.LEAST_SLACK, True
+    shrinks, slack, known = [1.0], interior_point.LEAST_SLACK, False
     if all(at_rest):
         over = interior_point.measure_excess(rows, x)
         x /= min(max(1.0, over), _WINDOWS.far)

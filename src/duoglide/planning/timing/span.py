@@ -141,33 +141,35 @@ class Rough:
 
     Attributes:
         duration: [s]; infinity where no motion was found.
-        search: What was retimed.
+        fixed: Times of the base at the ends of pieces [s].
         times: Times of the base at the nodes [s].
-        retiming: Of it.
+        shown: Times of the motion at the nodes [s].
+        retiming: From one to the other.
     """
 
     duration: float
-    search: Search
+    fixed: FloatArray
     times: FloatArray
+    shown: FloatArray
     retiming: Retiming
 
-    def adapt(self, timed: TimedCurve, marks: FloatArray) -> tuple[Search, FloatArray, Retiming]:
-        """Return base, nodes and retiming for a curve like this one, which has as many marks.
+    def adapt_retiming(self, fixed: FloatArray, times: FloatArray) -> Retiming:
+        """Return this retiming for a curve like this one, at ``times`` of that one's base."""
+        mine, its = self._pairs(fixed)
+        at = np.interp(times, its, mine)
+        found = self.retiming.resample(self.times, at)
+        return replace(found, beta=found.beta * np.gradient(at, times))
 
-        Args:
-            timed: The curve.
-            marks: What ``find_marks`` finds there [mm].
-        """
-        mine = self.search
-        share = (marks[-1] - marks[0]) / (mine.sigma[-1] - mine.sigma[0])
-        knots = mine.base.knots.copy()
-        knots[:, SIGMA:] *= share
-        knots[:, SIGMA] += marks[0] - knots[0, SIGMA]
-        knots[-1, SIGMA] = marks[-1]
-        search = Search.of(timed.soften_limits(mine.timed.rate), Profile(knots), marks)
-        times = np.interp(self.times, mine.fixed, search.fixed)
-        beta = self.retiming.beta * np.gradient(self.times, times)
-        return search, times, replace(self.retiming, beta=beta)
+    def adapt_clock(self, fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the clock of a grid for a curve like this one."""
+        mine, its = self._pairs(fixed)
+        return np.interp(self.times, mine, its), self.shown
+
+    def _pairs(self, fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return times of this base and of another one that belong together."""
+        if fixed.size == self.fixed.size:
+            return self.fixed, fixed
+        return self.fixed[[0, -1]], fixed[[0, -1]]
 
 
 def estimate(
@@ -183,18 +185,18 @@ def estimate(
         like: The estimate for a curve like this one: where to begin. Estimates that begin alike
             can be compared with each other, better than each with the truth.
     """
-    marks = find_marks(timed, start, end)
-    if like is not None and like.search.sigma.size == marks.size:
-        search, times, begin = like.adapt(timed, marks)
-        problem = search.state_problem(times)
-        found = problem.improve(begin, _FIT.again, _FIT.about)
-    else:
-        search = Search.between(timed, start, end).soften_limits(Effort(cells=cells))
-        times = search.divide_base(search.own_clock, cells, 4)
-        problem = search.state_problem(times)
+    search = Search.between(timed, start, end).soften_limits(Effort(cells=cells))
+    clock = search.own_clock if like is None else like.adapt_clock(search.fixed)
+    times = search.divide_base(clock, cells, 4)
+    problem = search.state_problem(times)
+    if like is None:
         found = problem.settle(problem.uniform(), 1, _FIT.about)
-    duration = float(found.durations(problem.delta).sum()) if found.converged else inf
-    return Rough(duration, search, times, found)
+    else:
+        found = problem.improve(like.adapt_retiming(search.fixed, times), _FIT.again, _FIT.about)
+    if not found.converged:
+        return Rough(inf, search.fixed, times, times, found)
+    shown = np.append(0.0, np.cumsum(found.durations(problem.delta)))
+    return Rough(float(shown[-1]), search.fixed, times, shown, found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
