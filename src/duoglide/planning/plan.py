@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from duoglide.arrays import FloatArray
 from duoglide.machine import Machine, Timing
 from duoglide.motion.motion import Motion
@@ -20,6 +22,9 @@ from duoglide.planning.timing.time_path import (
 )
 from duoglide.planning.timing.timed_curve import SigmaCap
 from duoglide.planning.trajectory import Trajectory
+
+_MANY = 100  # pieces of a curve; where there are more, each is short beside a stop
+_FEW = 2  # cells that such a piece has at least: four gain nothing but work
 
 
 def plan(
@@ -53,6 +58,8 @@ def plan(
     rounded = choose_blends(machine, path, trials=effort.timing is not Timing.RUCKIG)
     checked = check_rounded(machine, rounded)
     carriages = map_to_carriages(checked)
+    if carriages.curve.count > _MANY:
+        effort = replace(effort, per_piece=_FEW)
     motion = time_path(carriages, effort, progress)
     if brake_safe:
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+import duoglide.planning.plan as whole_plan
 from duoglide.motion.audit import audit
 from duoglide.motion.path.carriage import CarriagePath, map_to_carriages
 from duoglide.motion.timing_report import TimingMethod
@@ -109,3 +110,18 @@ def test_a_window_that_does_not_converge_keeps_what_it_had(
     assert audit(windowed).worst <= 1.0005
     assert windowed.report.method is TimingMethod.IN_PART
     assert "windows" in audit(windowed).fallback
+
+
+def test_a_long_path_has_few_knots_and_is_as_quick(
+    machine: dg.Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turn = 0.02 * np.arange(141)
+    points = np.column_stack([-41.0 + 20.0 * np.cos(turn), 40.0 * np.sin(turn), 290.0 + turn])
+    path = dg.Path.through(points)
+    few = dg.plan(machine, path, brake_safe=False)
+    monkeypatch.setattr(whole_plan, "_MANY", 10**9)
+    many = dg.plan(machine, path, brake_safe=False)
+    assert few.path.length == many.path.length
+    assert len(few.profile.knots) < 0.6 * len(many.profile.knots)
+    assert few.duration <= 1.002 * many.duration
+    assert few.audit().worst <= 1.0005
