@@ -104,7 +104,8 @@ def say(text: str = "") -> None:
 
 def say_as_it_is(text: str) -> None:
     """Write text to stdout that will be pasted: a terminal must not wrap it."""
-    print(printable(text), end="", flush=True)
+    sys.stdout.write(printable(text))
+    sys.stdout.flush()
 
 
 def say_json(verb: str, result: Mapping[str, object], *, ok: bool = True) -> None:
