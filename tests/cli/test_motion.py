@@ -53,12 +53,13 @@ def test_the_helps_examples_stream_a_plan_replay_it_and_compare(
     assert "approaching" in said.err
     assert run(examples["replay"][0]) == 0
     assert "cycles in" in capsys.readouterr().out
-    summary, exports, picture, comparison = examples["log"]
+    summary, exports, shown, picture, comparison = examples["log"]
     assert run(summary) == 0
     assert "worst following error" in capsys.readouterr().out
-    assert run(exports) == 0
-    assert run(picture) == 0
-    assert {"run.csv", "run.log", "run.png"} <= {file.name for file in folder.iterdir()}
+    for words in (exports, shown, picture):
+        assert run(words) == 0
+    files = {"run.csv", "run.log", "full.mcap", "layout.json", "run.png"}
+    assert files <= {file.name for file in folder.iterdir()}
     capsys.readouterr()
     assert run([*comparison, "--json"]) == 0
     compared = json.loads(capsys.readouterr().out)

@@ -59,7 +59,7 @@ def test_the_energy_that_is_delivered_and_returned_is_lost_to_friction_alone(
     lost = 1e-3 * friction.sum() * pick.duration / 20000  # from rest to rest at one height
     assert demand.energy.sum() - demand.returned.sum() == pytest.approx(lost, rel=1e-3)
     assert demand.energy.min() > 0.0
-    assert demand.total_peak_power < demand.peak_power.sum()
+    assert demand.total_peak_power <= demand.peak_power.sum() * (1.0 + 1e-12)
     assert demand.peak_force == pytest.approx(np.abs(pick.forces(times)).max(axis=0), rel=1e-3)
     assert np.all(demand.rms_force < 0.9 * demand.peak_force)
 

@@ -63,7 +63,7 @@ def main(folder: str) -> None:
         code = run(step.split())
         require(code == 0, f"duoglide {step!a} has ended with {code}")
     text = Path(CELL).read_bytes().decode()
-    require(tomllib.loads(text) == patient.to_dict(), "the machine file says another one")
+    require(Machine.from_dict(tomllib.loads(text)) == patient, "the machine file says another one")
     require(text.count("# ") > 50, "the machine file explains nothing")
     table = Path("run.csv").read_text(encoding="utf-8").splitlines()
     require(len(table) > 100, "the run has no cycles")

@@ -58,8 +58,15 @@ class TimingReport:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> TimingReport:
-        """Build the report that ``to_dict`` described."""
+        """Build the report that ``to_dict`` described.
+
+        Raises:
+            TypeError: The reason is no text, or a name is unknown.
+            KeyError, ValueError: The method is missing, or unknown.
+        """
         values = dict(document)
+        if not isinstance(values["reason"], str):
+            raise TypeError("reason: it is no text")
         values["method"] = TimingMethod(values["method"])
         values["reason"] = printable(values["reason"])  # it is shown to people, as an audit
         nothing = [name for name in _BRAKING if values.get(name) is None]
