@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import duoglide as dg
+from duoglide.planning.limit_use import require_limits
 
 A, B, C = (-41.0, 0.0, 300.0), (-41.0, 50.0, 300.0), (-41.0, 50.0, 320.0)
 STEP = 1.0 / 20_000.0
@@ -42,6 +43,19 @@ def test_a_tiny_segment_that_turns_keeps_the_limits(gap: float) -> None:
     points = [A, B, (-41.0, 50.0, 300.0 + gap), (-41.0, 0.0, 300.1)]
     path = dg.Path.polyline(points, tolerance=1.0)
     assert _differences(dg.plan(dg.Machine.default(), path, brake_safe=False)) <= 1.0005
+
+
+def test_what_is_left_of_a_line_between_two_blends_keeps_the_limits() -> None:
+    """Passed in microseconds: cells of it were so short that rounding used up the jerk limit."""
+    rng = np.random.default_rng(1)
+    angles = 0.9 * np.arange(9) + rng.uniform(-0.1, 0.1, 9)
+    places = np.column_stack([-41 + 22 * np.cos(angles), 95 * np.sin(angles), np.full(9, 300.0)])
+    below = 0.5 * (places[:-1] + places[1:]) - np.array([0.0, 0.0, 15.0])
+    rows = zip(places, below, places[1:], strict=False)
+    paths = [dg.Path.polyline(list(three), 3.0) for three in rows]
+    machine = dg.Machine.default()
+    for part in dg.plan_program(machine, paths, tolerance=3.0):
+        require_limits(part, machine.limits)
 
 
 def test_a_point_beside_another_on_a_line_costs_no_time() -> None:

@@ -9,6 +9,9 @@ import numpy as np
 from duoglide.arrays import FloatArray
 from duoglide.planning.compare import whole
 
+# [s] A piece of the curve that is passed quicker is one cell: of shorter ones, what rounding leaves
+# of the jerk is seen. The base's own clock does not know yet what is quick.
+_BRIEF = 20e-6
 _NEAR = 0.25 * (1.0 + 1e-9)  # of a step; a knot nearer than that to a more important one is left
 # out, and one just as near too, whatever rounding makes of that
 
@@ -28,7 +31,7 @@ def divide_motion(
         clock: Times of the motion (ascending), and what a better clock shows at each; cells are
             even on that clock.
         cells: How many to make, about.
-        least: How many to make between two fixed times at least.
+        least: How many to make between two fixed times at least; one where they are next to one.
 
     Returns:
         Times of the motion [s].
@@ -36,9 +39,11 @@ def divide_motion(
     theta, shown = clock
     ends = np.interp(fixed, theta, shown)
     step = (ends[-1] - ends[0]) / cells
+    clocked = shown is not theta
     free = []
     for low, high in pairwise(ends):
-        count = max(whole((high - low) / step - 0.3), least)
+        brief = clocked and high - low < _BRIEF
+        count = max(whole((high - low) / step - 0.3), 1 if brief else least)
         free.append(np.linspace(low, high, count + 1)[1:-1])
     kept = _apart(np.interp(wished, theta, shown), ends[1:-1], _NEAR * step)
     evenly = _apart(np.concatenate(free), kept, _NEAR * step)
