@@ -56,6 +56,18 @@ def test_a_day_of_the_machine(served: SimulatedDrives, capsys: pytest.CaptureFix
     assert {drive.state for drive in served.snapshot()} == {State.SWITCH_ON_DISABLED}
 
 
+def test_a_jog_at_a_velocity_goes_that_way_and_ends(
+    served: SimulatedDrives, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """How far depends on how busy the computer is: a step that is late is waited for."""
+    bus = ["--bus", served.address]
+    answer(capsys, "home", *bus)
+    moved = answer(capsys, "jog", "--velocity", "0,20,0", "--seconds", "1", *bus)
+    way = np.array(moved["position"]) - HOME
+    assert 0.1 < way[1] < 25.0 and np.abs(way[[0, 2]]).max() < 0.05
+    assert {drive.state for drive in served.snapshot()} == {State.SWITCH_ON_DISABLED}
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

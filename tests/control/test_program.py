@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ from duoglide.control.host.run import run_log
 from duoglide.playback.compare import compare
 from duoglide.storage import Document, Topic, read_log
 
+CHAIN = Path(__file__).parents[1] / "benchmarks" / "chain.py"
 HOME = (-41.0, 0.0, 302.0)
 AWAY = (-41.0, 25.0, 302.0)
 
@@ -75,6 +79,30 @@ def test_a_program_runs_to_its_end_and_its_log_can_be_replayed_and_compared(
     assert rerun.run(ready, again).completed
     found = compare(log, read_log(again))
     assert found.same_path and found.same_setpoints and not any(found.by_cycle)
+
+
+def test_two_hundred_moves_have_every_setpoint_as_somebody_else_hears_them(
+    ready: dg.Robot, tmp_path: Path
+) -> None:
+    """The listener is a process of its own; ten thousand moves: tests/benchmarks/chain.py."""
+    turn = 2.0 * np.pi * np.arange(26) / 25
+    points = np.column_stack([-51.0 + 10.0 * np.cos(turn), 30.0 * np.sin(turn), 302.0 + 0.0 * turn])
+    points[-1] = points[0]
+    lines = (dg.Path.line(here, there) for here, there in pairwise(points))
+    parts = list(dg.plan_program(ready.machine, lines, tolerance=1.0))
+    words = [sys.executable, str(CHAIN), "--listen", ready.bus]
+    with subprocess.Popen(words, stdin=-1, stdout=-1, text=True) as ear:
+        assert ear.stdout is not None and ear.stdin is not None
+        ear.stdout.readline()
+        report = ready.run_parts(parts * 8, log=tmp_path / "shift.mcap", override=0.5)
+        ear.stdin.close()
+        heard = json.loads(ear.stdout.read())
+    assert report.completed and report.program is not None
+    assert report.program.parts == 8 * len(parts)
+    assert heard["wrong"] == 0
+    assert heard["moved"] <= report.cycles <= heard["syncs"]
+    logged = sum(1 for _ in read_log(tmp_path / "shift.mcap").records(Topic.CYCLE))
+    assert logged == report.cycles
 
 
 def test_a_full_log_goes_on_in_files_that_open_by_themselves(
