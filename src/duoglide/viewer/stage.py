@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from duoglide.machine import Geometry
 
 _FLOOR = -0.025  # [m], below the rails
+_RAISED = 0.55  # of half the page's height, by which the machine is above its middle on a phone
 _AXES: dict[str, tuple[int, int, int]] = {  # dark enough on white, light enough on black
     "x": (201, 42, 42), "y": (43, 138, 62), "z": (34, 114, 195),
 }  # fmt: skip
@@ -40,8 +41,8 @@ def set_stage(server: Any, geometry: Geometry) -> None:
     _add_axes(scene, geometry)
     camera = server.initial_camera
     camera.position = _eye(half, 1.0)
-    camera.look_at = (0.0, 0.0, 0.3 * half)
-    server.on_client_connect(lambda client: _step_back(client, half))
+    camera.look_at = _middle(half)
+    server.on_client_connect(lambda client: step_back(client, half))
 
 
 def _eye(half: float, distance: float) -> tuple[float, float, float]:
@@ -49,10 +50,19 @@ def _eye(half: float, distance: float) -> tuple[float, float, float]:
     return 1.65 * half * distance, -0.95 * half * distance, 1.15 * half * distance
 
 
-def _step_back(client: Any, half: float) -> None:
-    """Let a page that is higher than wide see the whole machine too, as on a phone."""
-    if client.camera.aspect < 1.0:
-        client.camera.position = _eye(half, 1.0 / client.camera.aspect)
+def _middle(half: float) -> tuple[float, float, float]:
+    """Return what the camera looks at [m]."""
+    return 0.0, 0.0, 0.3 * half
+
+
+def step_back(client: Any, half: float) -> None:
+    """Let a page that is higher than wide see the whole machine too: above the sheet of a phone."""
+    camera = client.camera
+    if camera.aspect < 1.0:
+        eye, middle = np.array(_eye(half, 1.0 / camera.aspect)), np.array(_middle(half))
+        sight = float(np.linalg.norm(eye - middle))
+        camera.position = eye
+        camera.look_at = middle - (0.0, 0.0, _RAISED * sight * np.tan(0.5 * camera.fov))
 
 
 def _add_axes(scene: Any, geometry: Geometry) -> None:
